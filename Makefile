@@ -1,0 +1,59 @@
+# Every target sets up what it needs and does nothing twice.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+PY := .venv/bin/python
+SYSTEM_LIBRARIES := libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1
+HOST ?= 127.0.0.1
+PORT ?= 8000
+
+.PHONY: help setup run demo test check format openapi lock bench paper clean
+.DEFAULT_GOAL := help
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+setup: .venv/.installed  ## make .venv and install everything from the lock file
+
+.venv/.installed: requirements-dev.lock pyproject.toml Makefile
+	@tools/install_system_packages $(SYSTEM_LIBRARIES)
+	@test -x $(PY) || python3 -m venv .venv
+	$(PY) -m pip install --quiet --require-hashes -r requirements-dev.lock
+	$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(PY) -c 'import mpe_core'  # compiles the kernels into the cache
+	@touch $@
+
+run: setup  ## serve on HOST:PORT (127.0.0.1:8000)
+	.venv/bin/mpe serve --host $(HOST) --port $(PORT)
+
+demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TARGET=b.ply
+	$(PY) -m benchmarks.demo $(if $(SOURCE),--source "$(SOURCE)") $(if $(TARGET),--target "$(TARGET)")
+
+test: setup  ## all tests
+	$(PY) -m pytest
+
+check: setup  ## formatting, lint, types, import rules
+	.venv/bin/ruff format --check .
+	.venv/bin/ruff check .
+	.venv/bin/mypy
+	.venv/bin/lint-imports
+
+format: setup  ## put the formatting right
+	.venv/bin/ruff format .
+	.venv/bin/ruff check --fix .
+
+openapi: setup  ## write openapi.yaml from the app
+	$(PY) -m service.openapi > openapi.yaml
+
+lock: setup  ## resolve the lock files again from pyproject.toml
+	.venv/bin/uv pip compile pyproject.toml $(LOCK_OPTIONS) -o requirements.lock
+	.venv/bin/uv pip compile pyproject.toml --extra demo --extra dev --extra bench $(LOCK_OPTIONS) -o requirements-dev.lock
+LOCK_OPTIONS := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links
+
+bench: setup  ## speed, accuracy and the peers (minutes to hours)
+	$(PY) -m benchmarks
+
+paper: setup  ## the paper's tables beside ours
+	$(PY) -m benchmarks.paper
+
+clean:  ## remove what the other targets made
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache build
