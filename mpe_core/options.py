@@ -1,0 +1,46 @@
+"""What a caller may choose about a registration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from mpe_core.errors import InvalidOptionsError
+
+Method = Literal["mpl", "mpe"]
+METHODS: tuple[Method, ...] = ("mpl", "mpe")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegistrationOptions:
+    """Options of one registration; the defaults suit any pair of clouds.
+
+    Raises
+    ------
+    InvalidOptionsError
+        An option is out of its range.
+    """
+
+    method: Method = "mpl"
+    """"mpl": search on a sample, then refinement on the full clouds. "mpe": the paper's Algorithm 1
+    with the exact double sum over all points; a local method with a wide basin."""
+
+    sample_size: int = 400
+    """Points of each cloud in the sparse search of "mpl"; a count."""
+
+    overlap: float | None = None
+    """Share of the source that has a counterpart in the target, in (0, 1]; None: searched."""
+
+    inlier_threshold: float | None = None
+    """Largest distance of an inlier pair, in the unit of the input; None: from the residuals."""
+
+    max_iterations: int = 100
+    """Bound on the iterations of each stage; a count."""
+
+    seed: int = 0
+    """Seed of every random choice; the same seed gives the same bits."""
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InvalidOptionsError(f"method must be one of {METHODS}, got {self.method!r}")
+        # H1 completes
