@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Literal
 
@@ -43,4 +44,21 @@ class RegistrationOptions:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InvalidOptionsError(f"method must be one of {METHODS}, got {self.method!r}")
-        # H1 completes
+        _check_count("sample_size", self.sample_size, least=3)
+        _check_count("max_iterations", self.max_iterations, least=1)
+        _check_count("seed", self.seed, least=0)
+        _check_positive("overlap", self.overlap, most=1)
+        _check_positive("inlier_threshold", self.inlier_threshold)
+
+
+def _check_count(name: str, value: object, least: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise InvalidOptionsError(f"{name} must be a whole number from {least} up, got {value!r}")
+
+
+def _check_positive(name: str, value: object, most: float = sys.float_info.max) -> None:
+    if value is None:
+        return
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value <= most:
+        limit = f" and at most {most}" if most == 1 else ""
+        raise InvalidOptionsError(f"{name} must be a number above 0{limit}, got {value!r}")

@@ -1,0 +1,136 @@
+"""The caller's clouds: checked once at the door, then held centred and scaled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mpe_core.errors import (
+    CloudShapeError,
+    CoordinateRangeError,
+    DegenerateCloudError,
+    TooFewPointsError,
+)
+
+LARGEST_COORDINATE = 1e15
+"""Beyond it float64 resolves no more than an eighth of the unit."""
+
+THINNEST = 1e-9
+"""Thickness over length under which a cloud counts as a line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """Finite points of one cloud in the caller's frame and unit."""
+
+    points: NDArray[np.float64]
+    """(N, 3) finite points, C-contiguous; never the caller's own memory when rows were dropped."""
+    index: NDArray[np.int64]
+    """(N,) rows of the caller's array that the points came from."""
+    dropped: int
+    """Rows left out because of NaN or infinity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Both clouds, each centred on its own centroid, in a common unit of length.
+
+    The unit is the smaller of the two radii, so neither stray points nor a large scene around a
+    small part set it. Poses of the centred clouds are turned into the caller's by `to_caller`.
+    """
+
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
+    source_centre: NDArray[np.float64]
+    target_centre: NDArray[np.float64]
+    unit: float
+    """Length of 1 in the caller's unit."""
+
+    def to_caller(self, T: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(4, 4) pose between the caller's clouds for the pose T between the centred ones."""
+        pose = T.copy()
+        pose[:3, 3] = self.unit * T[:3, 3] + self.target_centre - T[:3, :3] @ self.source_centre
+        return pose
+
+
+def as_points(cloud: ArrayLike, name: str = "cloud") -> Cloud:
+    """Check an (N, 3) array-like of real numbers and drop its rows with NaN or infinity.
+
+    Raises
+    ------
+    CloudShapeError
+        Not an (N, 3) array of integers or floats.
+    TooFewPointsError
+        Fewer than 3 finite rows.
+    CoordinateRangeError
+        A finite coordinate beyond `LARGEST_COORDINATE`.
+    DegenerateCloudError
+        All finite points on one line or in one place.
+    """
+    array = _as_array(cloud, name)
+    finite = np.isfinite(array).all(axis=1)
+    index = np.flatnonzero(finite)
+    if len(index) < 3:
+        raise TooFewPointsError(
+            f"{name} needs at least 3 finite points, got {len(index)} of {len(array)} rows"
+        )
+    points = np.ascontiguousarray(array if len(index) == len(array) else array[index], np.float64)
+    _check_range(points, index, name)
+    _check_thickness(points, name)
+    return Cloud(points, index, len(array) - len(index))
+
+
+def as_pair(source: Cloud, target: Cloud) -> Pair:
+    """Centre both clouds and scale them by the smaller radius."""
+    source_centre, target_centre = source.points.mean(axis=0), target.points.mean(axis=0)
+    x, y = source.points - source_centre, target.points - target_centre
+    unit = min(radius(x), radius(y))
+    return Pair(x / unit, y / unit, source_centre, target_centre, unit)
+
+
+def radius(centred: NDArray[np.float64]) -> float:
+    """Distance from the origin within which 98 % of the points lie; the largest if that is zero."""
+    distance = np.linalg.norm(centred, axis=1)
+    return float(np.quantile(distance, 0.98)) or float(distance.max())
+
+
+def _as_array(cloud: ArrayLike, name: str) -> NDArray[np.generic]:
+    try:
+        array = np.asarray(cloud)
+    except ValueError as error:
+        raise CloudShapeError(f"{name} must be an (N, 3) array, got rows of unequal length") from (
+            error
+        )
+    if array.dtype.kind not in "iuf":
+        raise CloudShapeError(f"{name} must hold integers or floats, got dtype {array.dtype}")
+    if array.ndim == 2 and array.shape[1] == 3:
+        return array
+    if array.size == 0:
+        raise TooFewPointsError(f"{name} needs at least 3 finite points, got an empty array")
+    raise CloudShapeError(f"{name} must have shape (N, 3), got {array.shape}")
+
+
+def _check_range(points: NDArray[np.float64], index: NDArray[np.int64], name: str) -> None:
+    row, column = np.unravel_index(np.argmax(np.abs(points)), points.shape)
+    if abs(points[row, column]) > LARGEST_COORDINATE:
+        raise CoordinateRangeError(
+            f"{name} has coordinate {points[row, column]:g} in row {index[row]}; "
+            f"at most {LARGEST_COORDINATE:g} is exact enough, remove the point or change the unit"
+        )
+
+
+def _check_thickness(points: NDArray[np.float64], name: str) -> None:
+    centred = points - points.mean(axis=0)
+    length = np.abs(centred).max()
+    rounding = 8 * np.finfo(np.float64).eps * np.abs(points).max()
+    if length <= rounding:
+        raise DegenerateCloudError(f"all points of {name} lie in one place")
+    centred /= length
+    axis = np.linalg.eigh(np.einsum("ni,nj->ij", centred, centred))[1][:, 2]
+    off_axis = np.abs(np.cross(centred, axis)).max()
+    if off_axis <= THINNEST + rounding / length:
+        raise DegenerateCloudError(
+            f"all points of {name} lie on one line; the rotation about it cannot be told"
+        )

@@ -1,0 +1,29 @@
+"""Nearest points of a fixed cloud."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+SPACING_SAMPLE = 2000
+"""Points asked for their nearest neighbour; the median of 2,000 is within 3 % of that of all on the
+bunny's 35,947 points."""
+
+
+class Neighbours:
+    """k-d tree of a cloud (M, 3), asked on as many threads as numba's kernels use."""
+
+    def __init__(self, points: NDArray[np.float64]) -> None:
+        self.points = points
+        self._tree = KDTree(points, balanced_tree=False, compact_nodes=False)
+
+    def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """(N,) distances from points (N, 3) to their nearest points of the cloud, and (N,) rows."""
+        return self._tree.query(points, workers=numba.get_num_threads())
+
+    def spacing(self) -> float:
+        """Median distance from a point of the cloud to the nearest other one."""
+        some = self.points[:: max(1, len(self.points) // SPACING_SAMPLE)]
+        return float(np.median(self._tree.query(some, k=2)[0][:, 1]))

@@ -1,0 +1,39 @@
+"""Stages of a registration: how far it is, and how long each took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+Report = Callable[[str, float], None]
+
+SHARES = {"prepare": 0.1, "search": 0.3, "refine": 0.5, "inliers": 0.1}
+"""Share of the whole that each stage counts for, in order."""
+
+
+class Progress:
+    """Tells a callback the stage and the fraction of the whole in [0, 1]; keeps seconds by stage.
+
+    What the callback raises ends the registration.
+    """
+
+    def __init__(self, on_progress: Report | None) -> None:
+        self._report = on_progress or (lambda stage, fraction: None)
+        self._start = time.perf_counter()
+        self._done = 0.0
+        self.timing: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time the stage; yields a function that takes the fraction of the stage."""
+        start, base = time.perf_counter(), self._done
+        self._report(name, base)
+        yield lambda fraction: self._report(name, base + SHARES[name] * fraction)
+        self._done = base + SHARES[name]
+        self.timing[name] = time.perf_counter() - start
+
+    def finish(self) -> dict[str, float]:
+        """Report the end; seconds by stage and in total."""
+        self._report("inliers", 1.0)
+        return self.timing | {"total": time.perf_counter() - self._start}
