@@ -1,0 +1,178 @@
+"""NumPy's .npy and .npz, without pickles."""
+
+from __future__ import annotations
+
+import lzma
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import prod
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.errors import (
+    CloudFileError,
+    FileLimitError,
+    MalformedFileError,
+    TruncatedFileError,
+    UnsupportedFileError,
+)
+from service.formats.names import find_normals, find_xyz
+
+MAGIC = b"\x93NUMPY"
+_NAMES = ("points", "xyz", "pcd", "positions", "vertices", "arr_0")
+_MAX_MEMBERS = 1000
+_HEADER_ERRORS = (
+    ValueError,
+    TypeError,
+    SyntaxError,
+    RecursionError,
+    MemoryError,  # the parser's answer to deep nesting
+    OverflowError,
+    tokenize.TokenError,
+)
+_ZIP_ERRORS = (
+    ValueError,
+    KeyError,
+    IndexError,
+    OverflowError,
+    EOFError,
+    OSError,
+    RuntimeError,  # encrypted, or an unknown compression
+    struct.error,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+)
+_ALWAYS_EXPANDED = 1 << 20  # bytes; below this the ratio says nothing
+
+
+def read_npy(path: Path, limits: Limits) -> DecodedCloud:
+    """Read an (N, 3 or more) or (H, W, 3) array, or one with the fields x, y, z."""
+    with path.open("rb") as file:
+        return _cloud(_read_array(file, path.stat().st_size, "the array", limits), "npy")
+
+
+def read_npz(path: Path, limits: Limits) -> DecodedCloud:
+    """Read an archive's array called points, xyz, ..., or its only one, and "normals" beside it.
+
+    The zip directory is checked before anything is expanded.
+    """
+    with _explained("the zip archive", _ZIP_ERRORS), zipfile.ZipFile(path) as archive:
+        arrays = {
+            info.filename.removesuffix(".npy"): info
+            for info in archive.infolist()
+            if info.filename.endswith(".npy")
+        }
+        name = _choose(arrays, len(archive.infolist()))
+        cloud = _cloud(_read_member(archive, arrays[name], limits), "npz")
+        normals = cloud.normals
+        if "normals" in arrays:
+            normals = _cloud(_read_member(archive, arrays["normals"], limits), "npz").points
+    if normals is not None and len(normals) != len(cloud.points):
+        raise MalformedFileError(f"{len(normals)} normals for {len(cloud.points)} points")
+    ignored = sorted(set(arrays) - {name, "normals"})
+    warnings = (f"{len(ignored)} arrays beside {name!r} are ignored",) if ignored else ()
+    return DecodedCloud(cloud.points, "npz", cloud.warnings + warnings, normals)
+
+
+def _choose(arrays: dict[str, zipfile.ZipInfo], members: int) -> str:
+    if members > _MAX_MEMBERS:
+        raise FileLimitError(f"{members} members; at most {_MAX_MEMBERS} are read")
+    for name in _NAMES:
+        if name in arrays:
+            return name
+    if len(arrays) == 1:
+        return next(iter(arrays))
+    raise MalformedFileError(
+        f"{len(arrays)} arrays, none called {', '.join(_NAMES)}: which are the points?"
+    )
+
+
+def _read_member(
+    archive: zipfile.ZipFile, info: zipfile.ZipInfo, limits: Limits
+) -> NDArray[np.generic]:
+    allowed = max(_ALWAYS_EXPANDED, limits.max_expansion * info.compress_size)
+    if info.file_size > allowed:
+        raise FileLimitError(
+            f"{info.filename[:80]!r} expands from {info.compress_size} to {info.file_size} bytes"
+        )
+    with archive.open(info) as file:
+        array = _read_array(file, info.file_size, repr(info.filename[:80]), limits)
+        if file.read(1):  # reaching the end also checks the CRC
+            raise MalformedFileError(f"{info.filename[:80]!r}: bytes after the array")
+    return array
+
+
+def _read_array(file: IO[bytes], size: int, name: str, limits: Limits) -> NDArray[np.generic]:
+    with _explained(f"the header of {name}", _HEADER_ERRORS):
+        version = np.lib.format.read_magic(file)
+        if version == (1, 0):
+            shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+        elif version == (2, 0):
+            shape, fortran, dtype = np.lib.format.read_array_header_2_0(file)
+        else:
+            raise UnsupportedFileError(f"{name} is of .npy version {version}; 1.0 and 2.0 are read")
+    if dtype.hasobject:
+        raise UnsupportedFileError(f"{name} holds pickled objects, which are never loaded")
+    if any(length < 0 for length in shape):
+        raise MalformedFileError(f"{name} has the shape {shape}")
+    count = prod(shape)
+    at = f"{name} of shape {shape}"
+    check_count(count, dtype.itemsize, size - file.tell(), at, _values_limit(limits))
+    content = file.read(count * dtype.itemsize)
+    if len(content) < count * dtype.itemsize:
+        raise TruncatedFileError(f"{at} ends after {len(content)} bytes")
+    array = np.frombuffer(content, dtype) if dtype.itemsize else np.empty(0, dtype)
+    return array.reshape(shape, order="F" if fortran else "C")
+
+
+def _values_limit(limits: Limits) -> Limits:
+    """Limits for counting numbers instead of points, at most 16 for one point."""
+    return Limits(max_points=16 * limits.max_points)
+
+
+def _cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
+    if array.dtype.names:
+        names = array.dtype.names
+        xyz, normals = find_xyz(names), find_normals(names)
+        if xyz is None or array.ndim != 1:
+            raise MalformedFileError(
+                f"fields {names[:9]}: expected a row of x, y, z for each point"
+            )
+        records = cast("NDArray[np.void]", array)
+        table = np.stack([_floats(records[names[i]]) for i in xyz + (normals or ())], axis=1)
+        return DecodedCloud(table[:, :3], format, (), table[:, 3:] if normals else None)
+    if array.ndim == 3 and array.shape[2] == 3:
+        return DecodedCloud(_floats(array.reshape(-1, 3)), format)
+    if array.ndim != 2 or array.shape[1] < 3:
+        raise MalformedFileError(f"an array of shape {array.shape}: expected (N, 3)")
+    extra = array.shape[1] - 3
+    warnings = (f"{extra} columns after x, y, z are ignored",) if extra else ()
+    return DecodedCloud(_floats(array[:, :3]), format, warnings)
+
+
+def _floats(array: NDArray[np.generic]) -> NDArray[np.floating]:
+    if array.ndim == 0 or array.dtype.kind not in "fiu":
+        raise MalformedFileError(f"values of type {array.dtype}: expected real numbers")
+    small = array.dtype.kind == "f" and array.dtype.itemsize <= 4
+    return np.ascontiguousarray(array, np.float32 if small else np.float64)
+
+
+@contextmanager
+def _explained(what: str, errors: tuple[type[Exception], ...]) -> Iterator[None]:
+    """Turn what zipfile and numpy raise on damaged files into a CloudFileError."""
+    try:
+        yield
+    except CloudFileError:
+        raise
+    except errors as error:
+        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        raise MalformedFileError(f"{what} cannot be read: {reason}") from None

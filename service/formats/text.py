@@ -1,0 +1,139 @@
+"""Delimited text: XYZ, TXT, CSV; one point a line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from service.formats.cloud import DecodedCloud, Limits
+from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
+from service.formats.names import find_normals, find_xyz
+from service.formats.table import ends_with_newline, head_lines, read_columns
+
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|\s*[+-]?(nan|inf)\s*", re.I)
+_DELIMITERS = (";", "\t", ",", None)  # None: any run of blanks
+_COMMENTS = ("#", "//", "%")
+_BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"  # UTF-8's, read as Latin-1
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    first_row: int  # index of the first line of data
+    delimiter: str | None
+    xyz: tuple[int, ...] = (0, 1, 2)
+    normals: tuple[int, ...] | None = None
+    count: int | None = None  # announced in a line of its own
+    warnings: tuple[str, ...] = ()
+
+
+def sniff(head: bytes) -> bool:
+    """Whether the bytes read as lines of numbers, after at most a few lines of header."""
+    if b"\0" in head:
+        return False
+    lines = head.decode("latin1").split("\n")
+    try:
+        return _layout(lines[:-1] if len(lines) > 1 else lines) is not None
+    except MalformedFileError:
+        return True  # named columns, but not the right ones: the reader says so
+
+
+def read(path: Path, limits: Limits) -> DecodedCloud:
+    """Read the columns x, y, z (by name, else the first three), and the normals if they are named.
+
+    Raises
+    ------
+    CloudFileError
+        With the line at fault.
+    """
+    lines = head_lines(path, limits)
+    if any("\0" in line for line in lines):
+        raise UnsupportedFileError("zero bytes in text; is it UTF-16? UTF-8 is read here")
+    layout = _layout(lines)
+    if layout is None:
+        raise MalformedFileError(
+            f"line 1 to {len(lines)}: no line of three numbers; expected one point a line"
+        )
+    offset = sum(len(line) + 1 for line in lines[: layout.first_row])
+    columns = layout.xyz + (layout.normals or ())
+    table = read_columns(
+        path, offset, layout.first_row + 1, columns, limits, delimiter=layout.delimiter
+    )
+    if layout.count is not None and len(table) < layout.count:
+        raise TruncatedFileError(f"{len(table)} rows, but {layout.count} are announced")
+    warnings = list(layout.warnings)
+    if not ends_with_newline(path):
+        warnings.append("the last line is not ended: its last number may have been cut")
+    normals = table[:, 3:6] if layout.normals else None
+    return DecodedCloud(table[:, :3], "xyz", tuple(warnings), normals)
+
+
+def _layout(lines: Sequence[str]) -> _Layout | None:
+    """Find the first line of data; the last line of words before it may name the columns."""
+    header: str | None = None
+    strays: list[int] = []
+    count: int | None = None
+    for index, raw in enumerate(lines):
+        line = raw.removeprefix(_BYTE_ORDER_MARK).strip() if index == 0 else raw.strip()
+        if not line:
+            continue
+        named = _named(header, line, index) if header is not None else None
+        if named is not None:
+            return _with(named, count, strays[:-1])
+        delimiter, numeric = _numeric_delimiter(line)
+        if numeric:
+            _refuse_unclear(header, line, delimiter, index)
+            return _with(_Layout(index, delimiter), count, strays)
+        if line.isdecimal() and count is None:
+            count = int(line[:18])
+        elif line.startswith(_COMMENTS):
+            header = line.lstrip("#/%") if find_xyz(_split_any(line.lstrip("#/%"))) else header
+        else:
+            header = line
+            strays.append(index + 1)
+    return None
+
+
+def _with(layout: _Layout, count: int | None, strays: Sequence[int]) -> _Layout:
+    warnings: tuple[str, ...] = ()
+    if strays:
+        warnings = (f"line {strays[0]} to {strays[-1]}: skipped as a header",)
+    return _Layout(layout.first_row, layout.delimiter, layout.xyz, layout.normals, count, warnings)
+
+
+def _named(header: str, line: str, index: int) -> _Layout | None:
+    """Columns by name, if the header has x, y, z and as many names as the line has fields."""
+    for delimiter in _DELIMITERS:
+        names, fields = _split(header, delimiter), _split(line, delimiter)
+        xyz = find_xyz(names)
+        if xyz and len(names) == len(fields) and all(_NUMBER.fullmatch(fields[i]) for i in xyz):
+            return _Layout(index, delimiter, xyz, find_normals(names))
+    return None
+
+
+def _refuse_unclear(header: str | None, line: str, delimiter: str | None, index: int) -> None:
+    """A header with other names over more than three columns: which are the coordinates?"""
+    if header is None:
+        return
+    names, fields = _split(header, delimiter), _split(line, delimiter)
+    if len(names) == len(fields) > 3 and not any(_NUMBER.fullmatch(name) for name in names):
+        raise MalformedFileError(
+            f"line {index}: none of the columns {', '.join(names)[:80]!r} are called x, y, z"
+        )
+
+
+def _numeric_delimiter(line: str) -> tuple[str | None, bool]:
+    for delimiter in _DELIMITERS:
+        fields = _split(line, delimiter)
+        if len(fields) >= 3 and all(_NUMBER.fullmatch(field) for field in fields[:3]):
+            return delimiter, True
+    return None, False
+
+
+def _split(line: str, delimiter: str | None) -> list[str]:
+    return line.strip().split(delimiter)
+
+
+def _split_any(line: str) -> list[str]:
+    return re.split(r"[;,\s]+", line.strip())
