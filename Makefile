@@ -19,7 +19,7 @@ setup: .venv/.installed  ## make .venv and install everything from the lock file
 	@test -x $(PY) || python3 -m venv .venv
 	$(PY) -m pip install --quiet --require-hashes -r requirements-dev.lock
 	$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
-	$(PY) -c 'import mpe_core'  # compiles the kernels into the cache
+	$(PY) -c 'from mpe_core import register'  # compiles the kernels into the cache
 	@touch $@
 
 run: setup  ## serve on HOST:PORT (127.0.0.1:8000)

@@ -1,7 +1,10 @@
 """Rigid registration of point clouds: arrays in, arrays out.
 
-Importing compiles the kernels or loads them from the cache, so that no call waits for a compiler.
+Importing `register` compiles the kernels or loads them from the cache, so that no call waits for a
+compiler; importing the package alone loads no kernel.
 """
+
+from typing import TYPE_CHECKING
 
 from mpe_core.errors import (
     CloudShapeError,
@@ -13,8 +16,10 @@ from mpe_core.errors import (
     TooFewPointsError,
 )
 from mpe_core.options import METHODS, Method, RegistrationOptions
-from mpe_core.registration import register
 from mpe_core.result import Inliers, Registration
+
+if TYPE_CHECKING:
+    from mpe_core.registration import register
 
 __all__ = [
     "METHODS",
@@ -31,3 +36,11 @@ __all__ = [
     "TooFewPointsError",
     "register",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name == "register":
+        from mpe_core.registration import register
+
+        return register
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
