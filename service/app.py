@@ -1,0 +1,32 @@
+"""The ASGI application: wiring only."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+
+from service.core import running_service
+from service.errors import register_error_handlers
+from service.lingering import LingeringClose
+from service.openapi import describe
+from service.routes import health, inliers, registrations
+from service.settings import Settings
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """The application; its service runs from the start of its lifespan to the end."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        with running_service(settings or Settings()) as app.state.service:
+            yield
+
+    app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
+    app.add_middleware(LingeringClose)
+    register_error_handlers(app)
+    for module in (registrations, inliers, health):
+        app.include_router(module.router)
+    describe(app)
+    return app

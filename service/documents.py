@@ -1,0 +1,60 @@
+"""Rows of the store as the documents of the API."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+from dataclasses import asdict
+from datetime import UTC, datetime
+
+from service.jobs.job import JobRow
+from service.problems import InvalidRequestError
+from service.schemas import CloudInfo, JobSummary, Problem, Progress, Stage, Timing
+from service.storage import BlobStore
+
+
+def summary(job: JobRow) -> JobSummary:
+    """The job without its result."""
+    stage: Stage = job.stage  # type: ignore[assignment]  # checked by the model
+    return JobSummary(
+        id=job.id,
+        status=job.status,
+        created_at=_time(job.created_at),
+        started_at=None if job.started_at is None else _time(job.started_at),
+        finished_at=None if job.finished_at is None else _time(job.finished_at),
+        attempt=job.attempt,
+        progress=Progress(stage=stage, fraction=job.fraction),
+        source=CloudInfo(**asdict(job.source)),
+        target=CloudInfo(**asdict(job.target)),
+        options=job.options,
+        timing=Timing(**job.timing),
+        warnings=job.warnings,
+        error=None if job.error is None else Problem(**job.error),
+    )
+
+
+def document(job: JobRow, blobs: BlobStore) -> bytes:
+    """JSON of the whole job; the result was rendered by the worker and is spliced in as it is."""
+    result = b"null"
+    if job.result_sha256 is not None:
+        result = blobs.path(job.result_sha256).read_bytes()
+    return summary(job).model_dump_json().encode()[:-1] + b',"result":' + result + b"}"
+
+
+def encode_cursor(job: JobRow) -> str:
+    """Opaque name of the job's place in the list."""
+    return base64.urlsafe_b64encode(json.dumps([job.created_at, job.id]).encode()).decode()
+
+
+def decode_cursor(cursor: str) -> tuple[float, str]:
+    """(created_at, id) of the place; InvalidRequestError when it is no cursor of ours."""
+    try:
+        created_at, job_id = json.loads(base64.urlsafe_b64decode(cursor))
+        return float(created_at), str(job_id)
+    except (binascii.Error, ValueError, TypeError):
+        raise InvalidRequestError("cursor: expected the next_cursor of a page.") from None
+
+
+def _time(seconds: float) -> datetime:
+    return datetime.fromtimestamp(seconds, UTC)

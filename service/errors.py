@@ -1,0 +1,85 @@
+"""Every error leaves as a problem document (application/problem+json)."""
+
+from __future__ import annotations
+
+import logging
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import ValidationError
+from starlette.exceptions import HTTPException
+
+from service.problems import (
+    INTERNAL,
+    PROBLEM_TYPES,
+    InvalidRequestError,
+    ProblemType,
+    ServiceError,
+    problem,
+    problem_type,
+)
+
+log = logging.getLogger(__name__)
+
+
+class ProblemResponse(JSONResponse):
+    """A response whose body is a problem document."""
+
+    media_type = "application/problem+json"
+
+
+def register_error_handlers(app: FastAPI) -> None:
+    """Answer each exception of the table, and all others, with its problem document."""
+    for exception in PROBLEM_TYPES:
+        app.add_exception_handler(exception, _expected)
+    app.add_exception_handler(RequestValidationError, _invalid_parameters)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(Exception, _unexpected)
+
+
+def invalid_request(error: ValidationError | RequestValidationError) -> InvalidRequestError:
+    """Say where the input is wrong and what was expected, without repeating the input."""
+    found = [
+        {"pointer": _pointer(item["loc"]), "detail": item["msg"].removeprefix("Value error, ")}
+        for item in error.errors()
+    ]
+    detail = "; ".join(f"{item['pointer'] or '/'}: {item['detail']}" for item in found)
+    return InvalidRequestError(detail, members={"errors": found})
+
+
+def _pointer(location: tuple[int | str, ...]) -> str:
+    return "".join(f"/{part}" for part in location)
+
+
+def _respond(
+    kind: ProblemType, detail: str, headers: dict[str, str] | None = None, **members: Any
+) -> ProblemResponse:
+    return ProblemResponse(
+        problem(kind, detail, **members), status_code=kind.status, headers=headers
+    )
+
+
+async def _expected(_: Request, error: Exception) -> ProblemResponse:
+    if isinstance(error, ServiceError):
+        return _respond(problem_type(error), str(error), error.headers, **error.members)
+    return _respond(problem_type(error), str(error))
+
+
+async def _invalid_parameters(request: Request, error: Exception) -> ProblemResponse:
+    assert isinstance(error, RequestValidationError)  # noqa: S101
+    return await _expected(request, invalid_request(error))
+
+
+async def _http(_: Request, error: Exception) -> ProblemResponse:
+    assert isinstance(error, HTTPException)  # noqa: S101
+    status = HTTPStatus(error.status_code)
+    kind = ProblemType(status.value, status.phrase.lower().replace(" ", "-"), status.phrase)
+    return _respond(kind, status.description or status.phrase, dict(error.headers or {}))
+
+
+async def _unexpected(request: Request, error: Exception) -> ProblemResponse:
+    log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+    return _respond(INTERNAL, "The error was logged; the request can be sent again.")

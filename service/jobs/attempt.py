@@ -1,0 +1,138 @@
+"""One attempt at a job: runs in a child process of its own and reports through a pipe."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numba
+import numpy as np
+
+from mpe_core import RegistrationOptions, register
+from service.formats import CloudFileError, DecodedCloud, read_points
+from service.jobs.confinement import confine, die_with_parent
+from service.jobs.job import CloudInput, Outcome
+from service.jobs.task import Task
+from service.problems import INTERNAL, JobMemoryError, problem, problem_type
+from service.result import inlier_array, result_document
+from service.sources import fetch
+from service.storage import Blob, BlobStore
+
+Report = Callable[[str, float], None]
+PROGRESS_EVERY_S = 0.2
+WORKER_NICENESS = 5  # the API answers first
+
+
+def run(task: Task, connection: Connection) -> None:
+    """Confine this process, do the work, send the outcome or the problem."""
+    from service.jobs.warm import FORKSERVER
+
+    die_with_parent(FORKSERVER)
+    confine(task.limits)
+    os.nice(WORKER_NICENESS)
+    tempfile.tempdir = str(task.scratch)
+    numba.set_num_threads(min(task.threads, numba.config.NUMBA_NUM_THREADS))
+    send(connection, _answer(task, _throttled(connection)))
+
+
+def send(connection: Connection, message: dict[str, Any]) -> None:
+    """Messages are JSON: the parent never unpickles what a child sends."""
+    connection.send_bytes(json.dumps(message).encode())
+
+
+def _answer(task: Task, report: Report) -> dict[str, Any]:
+    timing: dict[str, float] = {}
+    try:
+        return {"outcome": asdict(perform(task, report, timing))}
+    except MemoryError:
+        limit = task.limits.memory_bytes / 2**20
+        error: Exception = JobMemoryError(f"It needs more than the allowed {limit:.0f} MiB.")
+    except Exception as caught:  # noqa: BLE001
+        error = caught
+    kind = problem_type(error)
+    if kind is INTERNAL:
+        logging.getLogger(__name__).error("unexpected error in a worker", exc_info=error)
+        return {
+            "error": problem(kind, "The worker failed; the error was logged."),
+            "timing": timing,
+        }
+    return {"error": problem(kind, str(error)), "timing": timing}
+
+
+def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
+    """Fetch, decode, register, store the result; fills in the seconds of each stage."""
+    blobs = BlobStore(task.data_dir, incoming=task.scratch)
+    with _timed(timing, "fetch_s"):
+        source = _fetched(task.source, task, blobs, report)
+        target = _fetched(task.target, task, blobs, report)
+    with _timed(timing, "decode_s"):
+        report("decode", 0.0)
+        source_cloud = _decoded("source", source, blobs)
+        report("decode", 0.5)
+        target_cloud = _decoded("target", target, blobs)
+    options = RegistrationOptions(**task.options)
+    found = register(source_cloud.points, target_cloud.points, options, on_progress=report)
+    timing |= {f"{stage}_s": s for stage, s in found.timing.items() if stage != "total"}
+    return Outcome(
+        result_sha256=blobs.put([result_document(found)]).sha256,
+        inliers_sha256=_stored_array(inlier_array(found.inliers), blobs).sha256,
+        source=source,
+        target=target,
+        timing=timing,
+        warnings=[*source_cloud.warnings, *target_cloud.warnings, *found.warnings],
+    )
+
+
+def _fetched(cloud: CloudInput, task: Task, blobs: BlobStore, report: Report) -> CloudInput:
+    if cloud.sha256 is not None or cloud.url is None:
+        return cloud
+    report("fetch", 0.0)
+    blob = fetch(cloud.url, task.fetch_rules, blobs)
+    return replace(cloud, sha256=blob.sha256, size=blob.size)
+
+
+def _decoded(role: str, cloud: CloudInput, blobs: BlobStore) -> DecodedCloud:
+    assert cloud.sha256 is not None  # noqa: S101
+    try:
+        decoded = read_points(blobs.path(cloud.sha256))
+    except CloudFileError as error:
+        raise type(error)(f"{role}: {error}") from error
+    return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))
+
+
+def _stored_array(array: np.ndarray[Any, Any], blobs: BlobStore) -> Blob:
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    return blobs.put([buffer.getvalue()])
+
+
+@contextmanager
+def _timed(timing: dict[str, float], name: str) -> Iterator[None]:
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        timing[name] = time.perf_counter() - start
+
+
+def _throttled(connection: Connection) -> Report:
+    """Send progress at each change of stage, and otherwise at most every PROGRESS_EVERY_S."""
+    last_stage, last_time = "", 0.0
+
+    def report(stage: str, fraction: float) -> None:
+        nonlocal last_stage, last_time
+        now = time.monotonic()
+        if stage != last_stage or now - last_time >= PROGRESS_EVERY_S:
+            last_stage, last_time = stage, now
+            send(connection, {"stage": stage, "fraction": min(1.0, max(0.0, fraction))})
+
+    return report

@@ -1,0 +1,103 @@
+"""A child process from the warm forkserver, seen from the service process."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.machinery
+import json
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+MAX_MESSAGE_BYTES = 1 << 20
+START_TRIES = 3
+BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+_context = multiprocessing.get_context("forkserver")
+# multiprocessing polls and closes processes of all threads in start(): one thread at a time
+_processes = threading.Lock()
+
+
+class ChildLostError(Exception):
+    """The child ended, or stopped making sense, before it gave its answer."""
+
+
+def prepare_forkserver(threads: int) -> None:
+    """Say what the forkserver loads before its first fork, and how many threads its libraries take.
+
+    Children must not run the service's own __main__ again, as multiprocessing would have them do;
+    it leaves out modules whose name ends in `.__main__`.
+    """
+    for name in BLAS_THREADS:
+        os.environ.setdefault(name, str(threads))
+    os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # the layer that survives a fork
+    _context.set_forkserver_preload(["service.jobs.warm"])
+    sys.modules["__main__"].__spec__ = importlib.machinery.ModuleSpec("service.__main__", None)
+
+
+class Child:
+    """One running child; `receive` its messages, `kill` it with all that it started, `close` it."""
+
+    def __init__(self, entry: Callable[..., None], argument: object) -> None:
+        ours, theirs = multiprocessing.Pipe(duplex=False)
+        self._connection: Connection = ours
+        self._process = _context.Process(target=entry, args=(argument, theirs))
+        self._closed = False
+        with theirs, _processes:
+            _start(self._process)
+
+    def receive(self, timeout_s: float) -> dict[str, Any] | None:
+        """The next message, or None after the timeout; ChildLostError when none can come."""
+        if not self._connection.poll(max(0.0, timeout_s)):
+            return None
+        try:
+            message = json.loads(self._connection.recv_bytes(MAX_MESSAGE_BYTES))
+        except (EOFError, OSError, ValueError) as error:
+            raise ChildLostError(self._epitaph()) from error
+        if not isinstance(message, dict):
+            raise ChildLostError("it sent something that is no message")
+        return message
+
+    def kill(self) -> None:
+        """End the child and its process group at once."""
+        with _processes:
+            if not self._closed and self._process.is_alive():
+                assert self._process.pid is not None  # noqa: S101
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.kill()
+
+    def close(self) -> None:
+        """Wait until the child is gone, killing it if it lingers, and give back what it used."""
+        if not wait([self._process.sentinel], timeout=1.0):
+            self.kill()
+            wait([self._process.sentinel])
+        with _processes:
+            self._process.join()
+            self._process.close()
+            self._closed = True
+        self._connection.close()
+
+    def _epitaph(self) -> str:
+        wait([self._process.sentinel], timeout=1.0)
+        with _processes:
+            code = self._process.exitcode
+        if code is not None and code < 0:
+            return f"its process was ended by {signal.Signals(-code).name}"
+        return f"its process ended with code {code}"
+
+
+def _start(process: Any) -> None:
+    """Start the process; a forkserver that has just been killed is replaced at the next try."""
+    for last_try in (False,) * (START_TRIES - 1) + (True,):
+        try:
+            process.start()
+            return
+        except (OSError, EOFError) as error:
+            if last_try:
+                raise ChildLostError("its process could not be started") from error

@@ -1,0 +1,48 @@
+"""What a worker process may take from the system, and that it never outlives its parent."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import signal
+import sys
+from dataclasses import dataclass
+
+PR_SET_PDEATHSIG = 1
+MAX_OPEN_FILES = 256
+MAX_FILE_BYTES = 64 * 2**30
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds on one attempt."""
+
+    memory_bytes: int
+    """Address space in bytes."""
+    cpu_s: int
+    """Processor seconds, all threads together; the wall clock is watched from outside."""
+
+
+def die_with_parent(parent: int) -> None:
+    """Be killed when the process `parent`, which started this one, ends (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def confine(limits: Limits) -> None:
+    """Bound this process, for good."""
+    os.setsid()
+    bounds = {
+        resource.RLIMIT_AS: limits.memory_bytes,
+        resource.RLIMIT_CPU: limits.cpu_s,
+        resource.RLIMIT_FSIZE: MAX_FILE_BYTES,
+        resource.RLIMIT_NOFILE: MAX_OPEN_FILES,
+        resource.RLIMIT_CORE: 0,
+    }
+    for kind, value in bounds.items():
+        _, hard = resource.getrlimit(kind)
+        bound = value if hard == resource.RLIM_INFINITY else min(value, hard)
+        resource.setrlimit(kind, (bound, bound))

@@ -1,0 +1,66 @@
+"""One row of the job store."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+
+def is_terminal(status: JobStatus) -> bool:
+    """Whether nothing will happen to the job any more."""
+    return status in ("succeeded", "failed", "cancelled")
+
+
+@dataclass(frozen=True, slots=True)
+class CloudInput:
+    """A cloud as the caller gave it: a stored blob, or a URL until it has been fetched."""
+
+    sha256: str | None = None
+    size: int | None = None
+    """Length in bytes."""
+    url: str | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """The form in which the store keeps it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a successful attempt leaves behind."""
+
+    result_sha256: str
+    """Blob: the result as the JSON text that the API serves."""
+    inliers_sha256: str
+    """Blob: the inlier pairs as .npy."""
+    source: CloudInput
+    target: CloudInput
+    timing: dict[str, float]
+    """Seconds by stage, keys as in the API."""
+    warnings: list[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobRow:
+    """A registration as the store knows it; times in seconds since the epoch, UTC."""
+
+    id: str
+    source: CloudInput
+    target: CloudInput
+    options: dict[str, Any]
+    created_at: float
+    status: JobStatus = "queued"
+    started_at: float | None = None
+    finished_at: float | None = None
+    attempt: int = 0
+    lost_attempts: int = 0
+    lease_until: float | None = None
+    stage: str = "queued"
+    fraction: float = 0.0
+    timing: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    error: dict[str, Any] | None = None
+    result_sha256: str | None = None
+    inliers_sha256: str | None = None

@@ -1,0 +1,112 @@
+"""Supervision of one attempt: child process, progress, heartbeat, timeout, outcome."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from service.jobs.child import Child, ChildLostError
+from service.jobs.confinement import Limits
+from service.jobs.job import CloudInput, JobRow, Outcome
+from service.jobs.store import JobStore
+from service.jobs.task import Task, run
+from service.problems import JobTimeoutError, problem, problem_type
+from service.settings import Settings
+from service.sources import FetchRules
+
+LEASE_S = 30.0
+HEARTBEAT_S = LEASE_S / 3
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Worker:
+    """Runs attempts, each in a child process; every call blocks until the attempt has ended."""
+
+    store: JobStore
+    settings: Settings
+    announce: Callable[[str], None]
+    """Called with the job's id after each change of its row."""
+    started: Callable[[JobRow, Child], None]
+    """Called with the job and its child, so that a cancel can kill it."""
+
+    def work(self, job: JobRow) -> None:
+        """One attempt at a claimed job, to its end in the store."""
+        scratch = self.settings.data_dir / "scratch" / f"{job.id}-{job.attempt}"
+        scratch.mkdir(parents=True)
+        try:
+            self._attempt(job, self._task(job, scratch))
+        except ChildLostError as lost:
+            log.warning("attempt %d of %s was lost: %s", job.attempt, job.id, lost)
+            self.store.lose(job, str(lost))
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+            self.announce(job.id)
+
+    def _attempt(self, job: JobRow, task: Task) -> None:
+        child = Child(run, task)
+        try:
+            self.started(job, child)
+            self._follow(job, child)
+        finally:
+            child.kill()
+            child.close()
+
+    def _follow(self, job: JobRow, child: Child) -> None:
+        deadline = time.monotonic() + self.settings.job_timeout_s
+        beat = time.monotonic() + HEARTBEAT_S
+        mine = True
+        while mine:
+            now = time.monotonic()
+            if now >= deadline:
+                self.store.fail(job, self._timeout(), {})
+                return
+            message = child.receive(min(deadline, beat) - now)
+            if message is None:
+                if time.monotonic() >= beat:
+                    mine = self.store.heartbeat(job, lease_s=LEASE_S)
+                    beat = time.monotonic() + HEARTBEAT_S
+            elif self._conclude(job, message):
+                return
+            else:
+                mine = self.store.progress(job, message["stage"], message["fraction"])
+                self.announce(job.id)
+
+    def _conclude(self, job: JobRow, message: dict[str, Any]) -> bool:
+        if "outcome" in message:
+            self.store.succeed(job, _outcome(message["outcome"]))
+        elif "error" in message:
+            self.store.fail(job, message["error"], message["timing"])
+        else:
+            return False
+        return True
+
+    def _timeout(self) -> dict[str, Any]:
+        allowed = self.settings.job_timeout_s
+        error = JobTimeoutError(f"The attempt was ended after the allowed {allowed:g} s.")
+        return problem(problem_type(error), str(error))
+
+    def _task(self, job: JobRow, scratch: Path) -> Task:
+        settings = self.settings
+        cpu_s = int(settings.threads * settings.job_timeout_s) + 10
+        return Task(
+            source=job.source,
+            target=job.target,
+            options=job.options,
+            data_dir=settings.data_dir,
+            scratch=scratch,
+            threads=settings.threads,
+            limits=Limits(memory_bytes=settings.job_memory_bytes, cpu_s=cpu_s),
+            fetch_rules=FetchRules.of(settings),
+        )
+
+
+def _outcome(message: dict[str, Any]) -> Outcome:
+    source, target = CloudInput(**message.pop("source")), CloudInput(**message.pop("target"))
+    return Outcome(source=source, target=target, **message)

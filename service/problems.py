@@ -1,0 +1,144 @@
+"""Problem documents (RFC 9457): what each exception means to a caller, in one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpe_core import errors as core
+from service.formats.errors import CloudFileError
+
+TYPE_PREFIX = "urn:mpe:problem:"
+
+
+class ServiceError(Exception):
+    """Root of what the service raises on purpose; the message becomes the problem's detail."""
+
+    def __init__(
+        self,
+        detail: str,
+        *,
+        headers: dict[str, str] | None = None,
+        members: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.headers = headers or {}
+        self.members = members or {}
+
+
+class InvalidRequestError(ServiceError):
+    """The request is well formed but says something that cannot be done."""
+
+
+class MalformedBodyError(ServiceError):
+    """The body does not parse as what its content type says."""
+
+
+class UnsupportedContentTypeError(ServiceError):
+    """The body is neither multipart/form-data nor application/json."""
+
+
+class NotAcceptableError(ServiceError):
+    """The caller accepts none of the formats that there are."""
+
+
+class BodyTooLargeError(ServiceError):
+    """The body exceeds MPE_MAX_BODY_BYTES."""
+
+
+class UnknownRegistrationError(ServiceError):
+    """No registration has this id, or it was removed."""
+
+
+class ResultNotReadyError(ServiceError):
+    """The registration has not succeeded, so there is no result to fetch."""
+
+
+class FetchingDisabledError(ServiceError):
+    """A URL was given, but no host may be fetched from, or not this one."""
+
+
+class FetchError(ServiceError):
+    """A URL could not be fetched."""
+
+
+class QueueFullError(ServiceError):
+    """As many registrations wait as may wait."""
+
+
+class NotReadyError(ServiceError):
+    """The workers are not warm yet, or the service is stopping."""
+
+
+class JobTimeoutError(ServiceError):
+    """The attempt ran longer than it may."""
+
+
+class JobMemoryError(ServiceError):
+    """The attempt needed more memory than it may take."""
+
+
+class WorkerLostError(ServiceError):
+    """The worker ended without an answer, again and again."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemType:
+    """What stays the same in every problem of one kind."""
+
+    status: int
+    name: str
+    title: str
+
+
+PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
+    InvalidRequestError: ProblemType(422, "invalid-request", "The request is not valid"),
+    MalformedBodyError: ProblemType(400, "malformed-body", "The body cannot be parsed"),
+    UnsupportedContentTypeError: ProblemType(
+        415, "unsupported-content-type", "The content type is not supported"
+    ),
+    NotAcceptableError: ProblemType(406, "not-acceptable", "None of the accepted formats exists"),
+    BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
+    UnknownRegistrationError: ProblemType(
+        404, "unknown-registration", "There is no such registration"
+    ),
+    ResultNotReadyError: ProblemType(409, "result-not-ready", "There is no result"),
+    FetchingDisabledError: ProblemType(403, "fetching-disabled", "The URL may not be fetched"),
+    FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),
+    QueueFullError: ProblemType(429, "queue-full", "The queue is full"),
+    NotReadyError: ProblemType(503, "not-ready", "The service is not ready"),
+    JobTimeoutError: ProblemType(504, "job-timeout", "The registration took too long"),
+    JobMemoryError: ProblemType(507, "job-memory", "The registration needs too much memory"),
+    WorkerLostError: ProblemType(500, "worker-lost", "The worker ended without an answer"),
+    CloudFileError: ProblemType(422, "unreadable-cloud", "The file is not a readable point cloud"),
+    core.InvalidOptionsError: ProblemType(422, "invalid-options", "The options are not valid"),
+    core.CloudShapeError: ProblemType(422, "cloud-shape", "The cloud is not a list of 3-D points"),
+    core.TooFewPointsError: ProblemType(422, "too-few-points", "The cloud has too few points"),
+    core.DegenerateCloudError: ProblemType(
+        422, "degenerate-cloud", "The cloud's points lie on a line or in one place"
+    ),
+    core.CoordinateRangeError: ProblemType(
+        422, "coordinate-range", "The cloud's coordinates are too large"
+    ),
+    core.RegistrationError: ProblemType(422, "registration-error", "The clouds cannot be aligned"),
+}
+INTERNAL = ProblemType(500, "internal-error", "Something went wrong in the service")
+
+
+def problem_type(error: BaseException) -> ProblemType:
+    """The kind of problem that the exception is; INTERNAL when it was not foreseen."""
+    for ancestor in type(error).__mro__:
+        if ancestor in PROBLEM_TYPES:
+            return PROBLEM_TYPES[ancestor]
+    return INTERNAL
+
+
+def problem(kind: ProblemType, detail: str, **members: Any) -> dict[str, Any]:
+    """The problem document; further members extend it."""
+    return {
+        "type": TYPE_PREFIX + kind.name,
+        "title": kind.title,
+        "status": kind.status,
+        "detail": detail,
+        **members,
+    }

@@ -1,0 +1,177 @@
+"""What the API takes and gives; the unit of each quantity is in its description."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, HttpUrl
+
+from service.options import Options, StrictModel
+
+Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+Stage = Literal["queued", "fetch", "decode", "prepare", "search", "refine", "inliers", "finished"]
+INLINE_PAIRS = 100_000
+
+Row = Annotated[list[float], Field(min_length=4, max_length=4)]
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
+
+
+class UrlReference(StrictModel):
+    """A cloud that the service fetches."""
+
+    url: Annotated[HttpUrl, Field(strict=False)] = Field(
+        description="http or https address on a host that MPE_URL_HOSTS names.",
+        examples=["https://scans.example.org/door-2.ply"],
+    )
+
+
+class RegistrationParameters(StrictModel):
+    """What is said about a registration beside its two clouds."""
+
+    options: Options = Field(default_factory=Options, description="How to register.")
+
+
+class RegistrationRequest(RegistrationParameters):
+    """A registration of two clouds that the service can reach by itself."""
+
+    source: UrlReference = Field(description="The cloud that is moved.")
+    target: UrlReference = Field(description="The cloud that stays.")
+
+
+class Document(BaseModel):
+    """Base of what the API gives."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Progress(Document):
+    """How far the registration is."""
+
+    stage: Stage = Field(description="What is being done.")
+    fraction: float = Field(ge=0, le=1, description="Share of the stage that is done, in [0, 1].")
+
+
+class CloudInfo(Document):
+    """Where a cloud came from."""
+
+    sha256: str | None = Field(description="Hash of the file, once the service has it.")
+    size: int | None = Field(description="Length of the file in bytes, once the service has it.")
+    url: str | None = Field(None, description="Address that it is fetched from, if any.")
+
+
+class Rotation(Document):
+    """The rotation of the transform in other words."""
+
+    quaternion_xyzw: Row = Field(description="Unit quaternion x, y, z, w with w >= 0; no unit.")
+    angle_deg: float = Field(ge=0, le=180, description="Angle of the rotation in degrees.")
+
+
+class InlierSummary(Document):
+    """Pairs of points closer than the threshold at the final pose."""
+
+    count: int = Field(ge=0, description="Number of pairs.")
+    ratio: float = Field(ge=0, le=1, description="Share of the source points that are in a pair.")
+    threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
+    pairs: list[Pair] | None = Field(
+        description="[source index, target index] of each pair, counted from 0 in the order of the "
+        f"files; null above {INLINE_PAIRS:,} pairs: fetch .../inliers then."
+    )
+
+
+class Result(Document):
+    """The pose of the source in the target's frame, and how far to trust it."""
+
+    transform: Annotated[list[Row], Field(min_length=4, max_length=4)] = Field(
+        description="4x4 rigid transform, row-major, for column vectors: "
+        "x_target = R x_source + t; the last column in the input's unit."
+    )
+    rotation: Rotation
+    translation: Vector = Field(description="t of the transform, in the input's unit.")
+    overlap: float = Field(
+        ge=0, le=1, description="Share of the source points with a counterpart in the target."
+    )
+    rmse: float = Field(
+        ge=0, description="Root mean square distance of the inliers, in the input's unit."
+    )
+    energy: float = Field(
+        description="P2 criterion of the pose, mean over the source, in [-1, 0]; no unit."
+    )
+    confidence: float = Field(ge=0, le=1, description="How likely the pose is right, in [0, 1].")
+    converged: bool = Field(description="Whether the refinement settled before its bound.")
+    iterations: int = Field(ge=0, description="Iterations of the last stage; a count.")
+    inliers: InlierSummary
+
+
+class Timing(Document):
+    """Seconds spent, each null until known."""
+
+    queued_s: float | None = Field(None, description="Waiting for a worker, in seconds.")
+    fetch_s: float | None = Field(None, description="Fetching URLs, in seconds.")
+    decode_s: float | None = Field(None, description="Reading the files, in seconds.")
+    prepare_s: float | None = Field(None, description="Checking and sampling, in seconds.")
+    search_s: float | None = Field(None, description="Search for the pose, in seconds.")
+    refine_s: float | None = Field(None, description="Refinement of the pose, in seconds.")
+    inliers_s: float | None = Field(None, description="Inliers and confidence, in seconds.")
+    total_s: float | None = Field(None, description="From acceptance to the end, in seconds.")
+
+
+class Problem(BaseModel):
+    """Problem document (RFC 9457)."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: str = Field(description="Stable name of the kind of problem.")
+    title: str = Field(description="The kind of problem in words.")
+    status: int = Field(ge=400, le=599, description="HTTP status that fits the problem.")
+    detail: str = Field(description="What is wrong here, and what to do.")
+    errors: list[dict[str, str]] | None = Field(
+        None, description="For an invalid request: pointer and detail of each mistake."
+    )
+
+
+class JobSummary(Document):
+    """A registration without its result."""
+
+    id: str = Field(description="Name of the registration.")
+    status: Status = Field(description="queued, running, or how it ended.")
+    created_at: datetime = Field(description="When it was accepted (UTC).")
+    started_at: datetime | None = Field(description="When the last attempt began (UTC).")
+    finished_at: datetime | None = Field(description="When it ended (UTC).")
+    attempt: int = Field(ge=0, description="Number of the last attempt; 0 before the first.")
+    progress: Progress
+    source: CloudInfo
+    target: CloudInfo
+    options: dict[str, Any] = Field(description="Every option, defaults filled in.")
+    timing: Timing
+    warnings: list[str] = Field(description="What was odd about the input or the result.")
+    error: Problem | None = Field(description="Why it failed.")
+
+
+class Job(JobSummary):
+    """A registration."""
+
+    result: Result | None = Field(description="The pose, once the registration has succeeded.")
+
+
+class JobPage(Document):
+    """Registrations, newest first."""
+
+    items: list[JobSummary]
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page.")
+
+
+class InlierList(Document):
+    """All inlier pairs, by source index."""
+
+    count: int = Field(ge=0, description="Number of pairs.")
+    threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
+    pairs: list[Pair] = Field(description="[source index, target index] of each pair.")
+    distances: list[float] = Field(description="Distance of each pair, in the input's unit.")
+
+
+class Health(Document):
+    """Whether the service works."""
+
+    status: Literal["ok"] = "ok"

@@ -1,0 +1,97 @@
+"""Every setting of the service; each is read from the environment variable MPE_<NAME>."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, field_validator, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+MEBIBYTE = 2**20
+
+
+def available_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _default_workers() -> int:
+    return min(4, available_cores())
+
+
+def _default_job_memory() -> int:
+    physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return max(1024 * MEBIBYTE, int(0.8 * physical) // _default_workers())
+
+
+class Settings(BaseSettings):
+    """Settings of one service process, checked at the start."""
+
+    model_config = SettingsConfigDict(env_prefix="MPE_", frozen=True)
+
+    data_dir: Path = Field(
+        default_factory=lambda: Path.home() / ".local" / "share" / "mpe",
+        description="Directory that holds the job store and the clouds; one service per directory.",
+    )
+    workers: int = Field(
+        default_factory=_default_workers,
+        ge=1,
+        description="Registrations that run at once. Default: the cores, at most 4.",
+    )
+    threads_per_worker: int = Field(
+        default=0,
+        ge=0,
+        description="Threads of one registration; 0: the cores divided by the workers.",
+    )
+    max_body_bytes: int = Field(
+        default=512 * MEBIBYTE,
+        ge=1,
+        description="Largest request body in bytes; more is answered 413.",
+    )
+    max_wait_s: float = Field(
+        default=60, ge=0, description="Longest wait in seconds that `Prefer: wait` is granted."
+    )
+    queue_limit: int = Field(
+        default=1000, ge=1, description="Most registrations that may wait; more are answered 429."
+    )
+    job_timeout_s: float = Field(
+        default=600, gt=0, description="Wall-clock seconds after which a running attempt is killed."
+    )
+    job_memory_bytes: int = Field(
+        default_factory=_default_job_memory,
+        ge=256 * MEBIBYTE,
+        description="Address space of one worker in bytes. Default: 80 % of the memory, shared.",
+    )
+    url_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Hosts, comma-separated, that clouds may be fetched from; empty: no fetching.",
+    )
+    url_timeout_s: float = Field(
+        default=60, gt=0, description="Seconds within which a cloud must have been fetched."
+    )
+
+    @field_validator("url_hosts", mode="before")
+    @classmethod
+    def _split_hosts(cls, value: object) -> object:
+        if isinstance(value, str):
+            return tuple(host.strip().lower() for host in value.split(",") if host.strip())
+        return value
+
+    @model_validator(mode="after")
+    def _fit_the_cores(self) -> Settings:
+        cores = available_cores()
+        if self.workers * max(1, self.threads_per_worker) > max(cores, self.workers):
+            raise ValueError(
+                f"MPE_WORKERS={self.workers} times MPE_THREADS_PER_WORKER="
+                f"{self.threads_per_worker} exceeds the {cores} cores; lower one of them"
+            )
+        return self
+
+    @property
+    def threads(self) -> int:
+        """Threads of one registration."""
+        return self.threads_per_worker or max(1, available_cores() // self.workers)

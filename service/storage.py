@@ -1,0 +1,105 @@
+"""Blobs on disk, named by the SHA-256 of their content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+
+@dataclass(frozen=True, slots=True)
+class Blob:
+    """A stored content: the same bytes are stored once."""
+
+    sha256: str
+    size: int
+    """Length in bytes."""
+
+
+class BlobWriter:
+    """One blob being written; nothing is visible, and nothing stays behind, before `commit`."""
+
+    def __init__(self, store: BlobStore) -> None:
+        self._store = store
+        self._file = tempfile.NamedTemporaryFile(  # noqa: SIM115
+            dir=store.incoming, prefix="blob-", delete=False
+        )
+        self._hash = hashlib.sha256()
+        self._size = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.discard()
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._size
+
+    def write(self, chunk: bytes) -> None:
+        """Append a chunk."""
+        self._file.write(chunk)
+        self._hash.update(chunk)
+        self._size += len(chunk)
+
+    def commit(self) -> Blob:
+        """Make the blob durable under its name and return it."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._file.close()
+        blob = Blob(self._hash.hexdigest(), self._size)
+        path = self._store.path(blob.sha256)
+        path.parent.mkdir(exist_ok=True)
+        Path(self._file.name).replace(path)
+        _fsync_directory(path.parent)
+        return blob
+
+    def discard(self) -> None:
+        """Remove what was written; does nothing after `commit`."""
+        self._file.close()
+        Path(self._file.name).unlink(missing_ok=True)
+
+
+class BlobStore:
+    """Blobs below a directory: `blobs/ab/abcd...`, written in `incoming`, then renamed."""
+
+    def __init__(self, root: Path, *, incoming: Path | None = None) -> None:
+        self.root = root
+        self.blobs = root / "blobs"
+        self.incoming = incoming or root / "incoming"
+        for directory in (self.blobs, self.incoming):
+            directory.mkdir(parents=True, exist_ok=True)
+
+    def path(self, sha256: str) -> Path:
+        """Where the blob lies."""
+        return self.blobs / sha256[:2] / sha256
+
+    def writer(self) -> BlobWriter:
+        """Begin a new blob."""
+        return BlobWriter(self)
+
+    def discard_incoming(self) -> None:
+        """Remove what a former process was writing when it ended."""
+        for path in self.incoming.iterdir():
+            path.unlink()
+
+    def put(self, chunks: Iterable[bytes]) -> Blob:
+        """Store the chunks as one blob."""
+        with self.writer() as writer:
+            for chunk in chunks:
+                writer.write(chunk)
+            return writer.commit()
+
+
+def _fsync_directory(directory: Path) -> None:
+    descriptor = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,28 @@
+"""Waiting for a job without holding a thread."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+
+from starlette.concurrency import run_in_threadpool
+
+from service.core import Service
+from service.jobs.job import JobRow, is_terminal
+
+LOOK_EVERY_S = 2.0  # for changes that another process made: nobody announces those here
+
+
+async def settled(service: Service, job_id: str, wait_s: float) -> JobRow | None:
+    """The job once it has ended, or as it is after the wait; None when there is none."""
+    deadline = time.monotonic() + wait_s
+    with service.changes.watch(job_id) as changed:
+        while True:
+            changed.clear()
+            job = await run_in_threadpool(service.store.get, job_id)
+            left = deadline - time.monotonic()
+            if job is None or is_terminal(job.status) or left <= 0:
+                return job
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(changed.wait(), min(left, LOOK_EVERY_S))
