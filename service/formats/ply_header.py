@@ -73,6 +73,9 @@ def parse_header(head: bytes, limits: Limits) -> Header:
             case ["end_header"]:
                 if order is None:
                     raise MalformedFileError(f"line {number}: no format line before end_header")
+                for element in elements:
+                    if not element.properties:
+                        raise MalformedFileError(f"element {element.name[:40]!r} has no properties")
                 return Header(order, elements, offset, number)
             case ["format", name, "1.0"] if name in _ORDERS and order is None:
                 order = _ORDERS[name]

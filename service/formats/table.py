@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from service.formats.cloud import Limits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
-_SCAN_BYTES = 1 << 24
+_SCAN_BYTES = 1 << 20
 
 
 def read_columns(
@@ -43,7 +43,7 @@ def read_columns(
     FileLimitError
         A line is too long or there are too many.
     """
-    _check_lines(path, offset, first_line, limits)
+    lines = _count_lines(path, offset, first_line, limits)
     with path.open(encoding="latin1", newline="\n") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # blank lines and no data: counted below
         file.seek(offset)
@@ -52,13 +52,15 @@ def read_columns(
                 file,
                 delimiter=delimiter,
                 usecols=tuple(columns),
-                max_rows=rows,
+                max_rows=min(lines, limits.max_points + 1 if rows is None else rows),
                 comments="#",
                 ndmin=2,
             )
         except ValueError as error:
             raise _first_mistake(path, offset, first_line, columns, delimiter, error) from None
     table = table.reshape(-1, len(columns))
+    if len(table) > limits.max_points:
+        raise FileLimitError(f"more than {limits.max_points} rows")
     if rows is not None and len(table) < rows:
         raise TruncatedFileError(f"the file ends after {len(table)} of {rows} announced rows")
     return table
@@ -71,7 +73,7 @@ def ends_with_newline(path: Path) -> bool:
         return file.read(1) == b"\n"
 
 
-def _check_lines(path: Path, offset: int, first_line: int, limits: Limits) -> None:
+def _count_lines(path: Path, offset: int, first_line: int, limits: Limits) -> int:
     lines, length = 0, 0
     with path.open("rb") as file:
         file.seek(offset)
@@ -89,6 +91,7 @@ def _check_lines(path: Path, offset: int, first_line: int, limits: Limits) -> No
     allowed = 2 * limits.max_points + limits.max_header_lines
     if lines > allowed:
         raise FileLimitError(f"{lines} lines; at most {allowed} are read")
+    return lines + 1
 
 
 def _first_mistake(

@@ -56,6 +56,8 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
             f"line 1 to {len(lines)}: no line of three numbers; expected one point a line"
         )
     offset = sum(len(line) + 1 for line in lines[: layout.first_row])
+    if layout.first_row == 0 and lines[0].startswith(_BYTE_ORDER_MARK):
+        offset = len(_BYTE_ORDER_MARK)
     columns = layout.xyz + (layout.normals or ())
     table = read_columns(
         path, offset, layout.first_row + 1, columns, limits, delimiter=layout.delimiter
