@@ -1,0 +1,145 @@
+"""Command line: `mpe align` without a server, `mpe serve`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from pydantic import ValidationError
+
+from mpe_core import Registration, RegistrationError, RegistrationOptions
+from service.formats import CloudFileError, DecodedCloud, read_points, write_ply
+from service.options import Options
+
+WORKED, FAILED, MISUSED = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; 0 when it worked, 1 when an input is at fault, 2 when the call is."""
+    given = _parser().parse_args(arguments)
+    return _serve(given) if given.command == "serve" else _align(given)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="mpe", description="Rigid registration of point clouds.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    align = commands.add_parser("align", help="align two files, without a server")
+    align.add_argument("source", type=Path, help="the cloud that is moved")
+    align.add_argument("target", type=Path, help="the cloud that stays")
+    align.add_argument("--json", action="store_true", help="print the result as JSON")
+    align.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="write the moved source there, as PLY"
+    )
+    _add_options(align)
+    serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
+    serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
+    serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
+    return parser
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
+    """One --option for each option of a registration, with its own description and default."""
+    group = parser.add_argument_group("options of the registration")
+    for name, field in Options.model_fields.items():
+        kinds = get_args(field.annotation) or (field.annotation,)
+        words = all(isinstance(kind, str) for kind in kinds)
+        description = f"{field.description} Default: {field.default}.".replace("%", "%%")
+        group.add_argument(
+            f"--{name.replace('_', '-')}",
+            dest=name,
+            default=field.default,
+            type=str if words else kinds[0],
+            choices=kinds if words else None,
+            metavar=None if words else kinds[0].__name__.upper(),
+            help=description,
+        )
+
+
+def _align(given: argparse.Namespace) -> int:
+    from mpe_core import register  # loads the kernels, which `mpe serve` must not
+
+    try:
+        options = RegistrationOptions(
+            **{name: getattr(given, name) for name in Options.model_fields}
+        )
+        source, target = _read(given.source), _read(given.target)
+        found = register(source.points, target.points, options)
+        if given.output:
+            write_ply(given.output, _moved(source, found))
+    except (RegistrationError, CloudFileError) as error:
+        return _complain(str(error), FAILED)
+    except OSError as error:
+        return _complain(f"{error.filename}: {error.strerror}", FAILED)
+    for warning in (*source.warnings, *target.warnings, *found.warnings):
+        print(f"mpe: warning: {warning}", file=sys.stderr)
+    print(_document(found) if given.json else _summary(source, target, found))
+    return WORKED
+
+
+def _read(path: Path) -> DecodedCloud:
+    try:
+        return read_points(path)
+    except CloudFileError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _moved(source: DecodedCloud, found: Registration) -> np.ndarray:
+    """The source in the target's frame, in the source's precision."""
+    from mpe_core.rigid import apply
+
+    moved = apply(found.T_target_source, source.points.astype(np.float64))
+    return moved.astype(source.points.dtype)
+
+
+def _document(found: Registration) -> str:
+    from service.result import result_document
+
+    return result_document(found).decode()
+
+
+def _summary(source: DecodedCloud, target: DecodedCloud, found: Registration) -> str:
+    from mpe_core.rigid import rotation_error
+
+    T = found.T_target_source
+    rows = "\n".join("  " + "".join(f"{value:>16.9g}" for value in row) for row in T)
+    return f"""\
+source      {len(source.points)} points ({source.format})
+target      {len(target.points)} points ({target.format})
+T_target_source
+{rows}
+rotation    {rotation_error(T, np.eye(4)):.4f} degrees
+inliers     {len(found.inliers)} pairs closer than {found.inliers.threshold:.4g}
+overlap     {100 * found.overlap:.1f} % of the source
+rmse        {found.rmse:.4g} of the inliers
+confidence  {found.confidence:.2f}
+converged   {"yes" if found.converged else "no"}, {found.iterations} iterations
+time        {found.timing["total"]:.2f} s"""
+
+
+def _serve(given: argparse.Namespace) -> int:
+    from service.main import serve
+    from service.settings import Settings
+
+    try:
+        Settings()
+    except ValidationError as error:
+        reasons = "; ".join(
+            f"{'MPE_' + str(item['loc'][0]).upper() + ': ' if item['loc'] else ''}{item['msg']}"
+            for item in error.errors()
+        )
+        return _complain(reasons, MISUSED)
+    serve(given.host, given.port)
+    return WORKED
+
+
+def _complain(message: str, code: int) -> int:
+    print(f"mpe: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""The command `mpe` as a person runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from service.formats import read_points, write_ply
+
+MPE = Path(sys.executable).parent / "mpe"
+ANGLE = np.radians(25)
+T_TARGET_SOURCE = np.array(
+    [
+        [np.cos(ANGLE), -np.sin(ANGLE), 0, 0.3],
+        [np.sin(ANGLE), np.cos(ANGLE), 0, -0.2],
+        [0, 0, 1, 0.1],
+        [0, 0, 0, 1],
+    ]
+)
+
+
+def mpe(*arguments: object, **variables: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [MPE, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        env=os.environ | variables,
+    )
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A lopsided shell of 3,000 points, and the same turned and moved."""
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(3000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    bump = 1 + 0.5 * np.exp(8 * (directions @ np.c_[[0.6, 0.8, 0]] - 1)) + 0.3 * directions[:, 2:]
+    source: NDArray[np.float64] = directions * bump * [1, 0.7, 0.4]
+    folder = tmp_path_factory.mktemp("pair")
+    write_ply(folder / "source.ply", source)
+    write_ply(folder / "target.ply", source @ T_TARGET_SOURCE[:3, :3].T + T_TARGET_SOURCE[:3, 3])
+    return folder / "source.ply", folder / "target.ply"
+
+
+def test_align_prints_the_pose_and_writes_the_moved_source(
+    pair: tuple[Path, Path], tmp_path: Path
+) -> None:
+    done = mpe("align", *pair, "--json", "-o", tmp_path / "aligned.ply")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    np.testing.assert_allclose(result["transform"], T_TARGET_SOURCE, atol=1e-3)
+    aligned, target = read_points(tmp_path / "aligned.ply"), read_points(pair[1])
+    np.testing.assert_allclose(aligned.points, target.points, atol=3e-3)
+
+
+def test_summary_is_for_people(pair: tuple[Path, Path]) -> None:
+    done = mpe("align", *pair)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"rotation +25\.\d+ degrees", done.stdout)
+    assert re.search(r"overlap +\d+\.\d % of the source", done.stdout)
+
+
+def test_options_reach_the_registration(pair: tuple[Path, Path]) -> None:
+    done = mpe("align", *pair, "--json", "--inlier-threshold", "0.125", "--overlap", "0.5")
+    assert json.loads(done.stdout)["inliers"]["threshold"] == 0.125
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["align", "missing.ply", "missing.ply"], 1, "missing.ply: No such file"),
+        (["align", __file__, __file__], 1, "test_cli.py: "),
+        (["align", "SOURCE", "TARGET", "--overlap", "2"], 1, "overlap must be"),
+        (["align", "SOURCE", "TARGET", "-o", "no/such/folder/a.ply"], 1, "no/such/folder/a.ply"),
+        (["align", "SOURCE"], 2, "usage"),
+        (["align", "SOURCE", "TARGET", "--method", "magic"], 2, "invalid choice"),
+        (["align", "SOURCE", "TARGET", "--sample-size", "many"], 2, "invalid int"),
+        (["destroy"], 2, "invalid choice"),
+    ],
+)
+def test_mistakes_are_told_without_a_traceback(
+    pair: tuple[Path, Path], arguments: list[str], code: int, words: str
+) -> None:
+    places = {"SOURCE": str(pair[0]), "TARGET": str(pair[1])}
+    done = mpe(*[places.get(word, word) for word in arguments])
+    assert done.returncode == code
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_wrong_settings_stop_the_service_from_starting(tmp_path: Path) -> None:
+    done = mpe("serve", MPE_DATA_DIR=str(tmp_path), MPE_QUEUE_LIMIT="none")
+    assert done.returncode == 2
+    assert "MPE_QUEUE_LIMIT" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_serve_answers_and_stops(tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    environment = os.environ | {"MPE_DATA_DIR": str(tmp_path / "data")}
+    with subprocess.Popen(
+        [MPE, "serve", "--port", str(port)], env=environment, stderr=subprocess.DEVNULL
+    ) as server:
+        try:
+            deadline = time.monotonic() + 60
+            while time.monotonic() < deadline:
+                try:
+                    if httpx.get(f"http://127.0.0.1:{port}/readyz").status_code == 200:
+                        break
+                except httpx.TransportError:
+                    pass
+                time.sleep(0.2)
+            assert httpx.get(f"http://127.0.0.1:{port}/readyz").status_code == 200
+            assert (tmp_path / "data").is_dir()
+        finally:
+            server.send_signal(signal.SIGTERM)
+        assert server.wait(timeout=30) in (0, -signal.SIGTERM)
