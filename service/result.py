@@ -50,6 +50,7 @@ def _summary(found: Registration) -> InlierSummary:
     inliers = found.inliers
     inline = len(inliers) <= INLINE_PAIRS
     pairs = np.column_stack((inliers.source, inliers.target)).tolist() if inline else None
-    return InlierSummary(
+    # not validated: 100,000 pairs would take longer than the registration
+    return InlierSummary.model_construct(
         count=len(inliers), ratio=found.overlap, threshold=inliers.threshold, pairs=pairs
     )

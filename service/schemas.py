@@ -50,7 +50,7 @@ class Progress(Document):
     """How far the registration is."""
 
     stage: Stage = Field(description="What is being done.")
-    fraction: float = Field(ge=0, le=1, description="Share of the stage that is done, in [0, 1].")
+    fraction: float = Field(ge=0, le=1, description="Share of the whole that is done, in [0, 1].")
 
 
 class CloudInfo(Document):
@@ -114,6 +114,7 @@ class Timing(Document):
     search_s: float | None = Field(None, description="Search for the pose, in seconds.")
     refine_s: float | None = Field(None, description="Refinement of the pose, in seconds.")
     inliers_s: float | None = Field(None, description="Inliers and confidence, in seconds.")
+    store_s: float | None = Field(None, description="Writing the result, in seconds.")
     total_s: float | None = Field(None, description="From acceptance to the end, in seconds.")
 
 

@@ -8,16 +8,20 @@ from typing import Any
 
 from fastapi import Request
 from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
 
 from service.body import read_multipart, read_text
 from service.core import Service
 from service.errors import invalid_request
+from service.formats import FORMATS, UnknownFormatError, sniff
 from service.jobs.job import CloudInput
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.schemas import RegistrationParameters, RegistrationRequest, UrlReference
 from service.sources import FetchRules, check_url
-from service.storage import Blob
+from service.storage import Blob, BlobStore
 
+_FORMATS = ", ".join(format.name for format in FORMATS)
+SNIFFED_BYTES = 4096
 CLOUDS = ("source", "target")
 
 
@@ -35,7 +39,8 @@ async def read_submission(request: Request, service: Service) -> Submission:
     content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if content_type == "multipart/form-data":
         limit = service.settings.max_body_bytes
-        return _from_form(await read_multipart(request, service.blobs, limit))
+        form = await read_multipart(request, service.blobs, limit)
+        return await run_in_threadpool(_from_form, form, service.blobs)
     if content_type == "application/json":
         return _from_json(await read_text(request), FetchRules.of(service.settings))
     raise UnsupportedContentTypeError(
@@ -45,8 +50,8 @@ async def read_submission(request: Request, service: Service) -> Submission:
     )
 
 
-def _from_form(form: dict[str, Blob | str]) -> Submission:
-    clouds = {role: _uploaded(role, form.pop(role, None)) for role in CLOUDS}
+def _from_form(form: dict[str, Blob | str], blobs: BlobStore) -> Submission:
+    clouds = {role: _uploaded(role, form.pop(role, None), blobs) for role in CLOUDS}
     fields: dict[str, Any] = {}
     for name, text in form.items():
         if isinstance(text, Blob):
@@ -59,11 +64,16 @@ def _from_form(form: dict[str, Blob | str]) -> Submission:
     return Submission(**clouds, parameters=parameters)
 
 
-def _uploaded(role: str, field: Blob | str | None) -> CloudInput:
+def _uploaded(role: str, field: Blob | str | None, blobs: BlobStore) -> CloudInput:
     if not isinstance(field, Blob):
         raise InvalidRequestError(f"{role}: expected a file; send it as -F {role}=@scan.ply.")
     if field.size == 0:
         raise InvalidRequestError(f"{role}: the file is empty.")
+    with blobs.path(field.sha256).open("rb") as file:
+        if sniff(file.read(SNIFFED_BYTES)) is None:
+            raise UnknownFormatError(
+                f"{role}: the file begins like none of the formats {_FORMATS}."
+            )
     return CloudInput(sha256=field.sha256, size=field.size)
 
 

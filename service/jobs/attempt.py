@@ -17,7 +17,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from mpe_core import RegistrationOptions, register
+from mpe_core import Registration, RegistrationOptions, register
 from service.formats import CloudFileError, DecodedCloud, read_points
 from service.jobs.confinement import confine, die_with_parent
 from service.jobs.job import CloudInput, Outcome
@@ -29,6 +29,8 @@ from service.storage import Blob, BlobStore
 
 Report = Callable[[str, float], None]
 PROGRESS_EVERY_S = 0.2
+READING_SHARE = 0.1
+"""Share of an attempt's progress that stands for fetching and decoding."""
 WORKER_NICENESS = 5  # the API answers first
 
 
@@ -75,21 +77,32 @@ def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
         source = _fetched(task.source, task, blobs, report)
         target = _fetched(task.target, task, blobs, report)
     with _timed(timing, "decode_s"):
-        report("decode", 0.0)
+        report("decode", READING_SHARE / 2)
         source_cloud = _decoded("source", source, blobs)
-        report("decode", 0.5)
         target_cloud = _decoded("target", target, blobs)
-    options = RegistrationOptions(**task.options)
-    found = register(source_cloud.points, target_cloud.points, options, on_progress=report)
+    found = _registered(source_cloud, target_cloud, task, report)
     timing |= {f"{stage}_s": s for stage, s in found.timing.items() if stage != "total"}
+    with _timed(timing, "store_s"):
+        result = blobs.put([result_document(found)])
+        inliers = _stored_array(inlier_array(found.inliers), blobs)
     return Outcome(
-        result_sha256=blobs.put([result_document(found)]).sha256,
-        inliers_sha256=_stored_array(inlier_array(found.inliers), blobs).sha256,
+        result_sha256=result.sha256,
+        inliers_sha256=inliers.sha256,
         source=source,
         target=target,
         timing=timing,
         warnings=[*source_cloud.warnings, *target_cloud.warnings, *found.warnings],
     )
+
+
+def _registered(
+    source: DecodedCloud, target: DecodedCloud, task: Task, report: Report
+) -> Registration:
+    def on_progress(stage: str, fraction: float) -> None:
+        report(stage, READING_SHARE + (1 - READING_SHARE) * fraction)
+
+    options = RegistrationOptions(**task.options)
+    return register(source.points, target.points, options, on_progress=on_progress)
 
 
 def _fetched(cloud: CloudInput, task: Task, blobs: BlobStore, report: Report) -> CloudInput:

@@ -1,0 +1,37 @@
+"""Settings come from MPE_ variables and are checked at the start."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from pydantic import ValidationError
+
+from service.settings import Settings, available_cores
+
+
+def test_variables_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPE_WORKERS", "1")
+    monkeypatch.setenv("MPE_URL_HOSTS", "Scans.example.org, files.example.org")
+    settings = Settings()
+    assert settings.workers == 1
+    assert settings.url_hosts == ("scans.example.org", "files.example.org")
+
+
+def test_threads_fill_the_cores() -> None:
+    assert Settings(workers=1).threads == available_cores()
+    settings = Settings()
+    assert settings.workers * settings.threads <= available_cores()
+
+
+def test_more_threads_than_cores_are_refused() -> None:
+    with pytest.raises(ValidationError, match="MPE_THREADS_PER_WORKER"):
+        Settings(workers=available_cores(), threads_per_worker=2)
+
+
+def test_service_process_loads_no_kernel_and_no_open3d() -> None:
+    heavy = "[m for m in sys.modules if m.startswith(('numba', 'mpe_core.kernels', 'open3d'))]"
+    program = f"import sys; import service.main; print({heavy})"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    assert loaded.stdout.strip() == b"[]"

@@ -1,0 +1,41 @@
+"""Blobs appear whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from service.storage import BlobStore
+
+
+def files(store: BlobStore) -> list[Path]:
+    return [path for path in store.root.rglob("*") if path.is_file()]
+
+
+def test_blob_is_named_by_its_content(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    blob = store.put([b"ab", b"c"])
+    assert blob.sha256 == hashlib.sha256(b"abc").hexdigest()
+    assert blob.size == 3
+    assert store.path(blob.sha256).read_bytes() == b"abc"
+
+
+def test_the_same_content_is_stored_once(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    assert store.put([b"abc"]) == store.put([b"a", b"bc"])
+    assert len(files(store)) == 1
+
+
+def test_what_is_not_committed_leaves_nothing(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    with store.writer() as writer:
+        writer.write(b"half")
+    assert files(store) == []
+
+
+def test_what_a_dead_process_left_is_removed(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    kept = store.put([b"kept"])
+    (store.incoming / "blob-left").write_bytes(b"half")
+    store.discard_incoming()
+    assert files(store) == [store.path(kept.sha256)]
