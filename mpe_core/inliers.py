@@ -18,5 +18,5 @@ def inlier_threshold(distance: NDArray[np.float64], overlap: float | None, spaci
     point spacing of the target: two samplings of one surface lie that far apart.
     """
     ordered = np.sort(distance)
-    kept = ordered[: trimmed_count(ordered, overlap)]
+    kept = ordered[: trimmed_count(ordered, len(ordered), overlap)]
     return max(NOISE_FACTOR * float(np.sqrt(np.mean(kept**2))), spacing)

@@ -19,11 +19,19 @@ class Neighbours:
         self.points = points
         self._tree = KDTree(points, balanced_tree=False, compact_nodes=False)
 
-    def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """(N,) distances from points (N, 3) to their nearest points of the cloud, and (N,) rows."""
-        return self._tree.query(points, workers=numba.get_num_threads())
+    def nearest(
+        self, points: NDArray[np.float64], reach: float = np.inf
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """(N,) distances from points (N, 3) to their nearest points of the cloud, and (N,) rows.
+
+        Where nothing lies within reach: infinity and M.
+        """
+        distance, row = self._tree.query(
+            points, distance_upper_bound=reach, workers=numba.get_num_threads()
+        )
+        return np.asarray(distance), np.asarray(row, np.int64)
 
     def spacing(self) -> float:
         """Median distance from a point of the cloud to the nearest other one."""
         some = self.points[:: max(1, len(self.points) // SPACING_SAMPLE)]
-        return float(np.median(self._tree.query(some, k=2)[0][:, 1]))
+        return float(np.median(np.asarray(self._tree.query(some, k=2)[0])[:, 1]))

@@ -6,17 +6,25 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mpe_core.descent import Descent
 from mpe_core.neighbours import Neighbours
-from mpe_core.rigid import apply, fit
+from mpe_core.rigid import apply, fit, pose
 
 Array = NDArray[np.float64]
 
 LEAST_OVERLAP = 0.4  # Chetverikov's lower bound of the searched overlap
 TRIMMING = 2.0  # lambda of the objective; Chetverikov's choice
-COARSE = 2000  # source points of the first iterations
-STILL = 1e-6  # a step that moves no point further (in radii of the cloud) ends the iteration
+COARSE = 2000  # source points of the first pass
+REACH = 3.0  # points farther than this many times the last cut distance are not asked for again
+
+# The iteration ends with a step that moves the points by less, in units of length. 17 real pairs
+# from 10 degrees off, median: 1e-4 with extrapolation 0.10 degrees in 0.16 s, without it 0.13
+# degrees in 0.79 s.
+STILL = 1e-4
+PARALLEL = 0.9  # cosine of two steps from which on they are extrapolated
+FARTHEST = 10.0  # steps that an extrapolation covers at most
 
 
 def trimmed_icp(
@@ -27,53 +35,90 @@ def trimmed_icp(
     max_iterations: int,
     report: Callable[[float], None],
 ) -> Descent:
-    """Trimmed ICP (Chetverikov et al. 2005) of the source (N, 3) onto the target, from the pose T.
+    """Trimmed ICP (Chetverikov et al. 2005) of the centred source (N, 3), from the pose T.
 
     Minimises e(xi) / xi^(1 + lambda) over the pose and the overlap xi, where e is the mean square
     distance of the xi N source points that are closest to the target. A given overlap stays fixed.
-    A coarse pass over some of the source comes first; the last pass sees all of it.
+    Passes over every 4^k-th source point come first; the last pass sees all of them, and its
+    iterations are counted.
     """
-    for points in ([source[:: len(source) // COARSE]] if len(source) >= 2 * COARSE else []) + [
-        source
-    ]:
-        result = _pass(points, target, T, overlap, max_iterations, report)
-        T = result.T_target_source
-    return result
+    stride = 1
+    while len(source) // (4 * stride) >= COARSE:
+        stride *= 4
+    reach = np.inf
+    while True:
+        found, reach = _pass(source[::stride], target, T, reach, overlap, max_iterations, report)
+        if stride == 1:
+            return found
+        T, stride = found.T_target_source, stride // 4
+
+
+def trimmed_count(ordered: Array, count: int, overlap: float | None) -> int:
+    """How many of count points trimmed ICP keeps, by the ascending distances of the closest of
+    them: overlap * count, or, without a given overlap, as many as minimise its objective."""
+    if overlap is not None:
+        return min(len(ordered), max(3, round(overlap * count)))
+    first = min(len(ordered), max(3, int(LEAST_OVERLAP * count)))
+    kept = np.arange(first, len(ordered) + 1)
+    mean_square = np.cumsum(ordered**2)[first - 1 :] / kept
+    return int(kept[np.argmin(mean_square / (kept / count) ** (1 + TRIMMING))])
 
 
 def _pass(
     source: Array,
     target: Neighbours,
     T: Array,
+    reach: float,
     overlap: float | None,
     max_iterations: int,
     report: Callable[[float], None],
-) -> Descent:
-    reach = np.abs(source).max()
+) -> tuple[Descent, float]:
+    """Iterate to rest; also the distance up to which target points matter."""
+    arm = float(np.sqrt(np.mean(source**2) * 3))
+    last_step = np.zeros(6)
     for iteration in range(1, max_iterations + 1):
         report(iteration / max_iterations)
-        distance, nearest = target.nearest(apply(T, source))
-        order = np.argsort(distance, kind="stable")
-        kept = trimmed_count(distance[order], overlap)
-        rows = order[:kept]
-        last, T = T, fit(source[rows], target.points[nearest[rows]])
-        if _largest_step(last, T, reach) < STILL:
-            return Descent(T, True, iteration)
-    return Descent(T, False, max_iterations)
+        rows, nearest, cut = _closest(source, target, T, reach, overlap)
+        last, T = T, fit(source[rows], target.points[nearest])
+        reach = REACH * cut
+        step = _step(last, T, arm)
+        if np.linalg.norm(step) < STILL:
+            return Descent(T, True, iteration), reach
+        ahead = _extrapolation(last_step, step)
+        T = _advance(T, ahead * step, arm)
+        last_step = np.zeros(6) if ahead else step
+    return Descent(T, False, max_iterations), reach
 
 
-def trimmed_count(ordered: Array, overlap: float | None) -> int:
-    """How many of the ascending distances (N,) trimmed ICP keeps: overlap N, or, without a given
-    overlap, the count that minimises its objective."""
-    count = len(ordered)
-    if overlap is not None:
-        return min(count, max(3, round(overlap * count)))
-    first = min(count, max(3, int(LEAST_OVERLAP * count)))
-    kept = np.arange(first, count + 1)
-    mean_square = np.cumsum(ordered**2)[first - 1 :] / kept
-    return int(kept[np.argmin(mean_square / (kept / count) ** (1 + TRIMMING))])
+def _closest(
+    source: Array, target: Neighbours, T: Array, reach: float, overlap: float | None
+) -> tuple[NDArray[np.int64], NDArray[np.int64], float]:
+    """Rows of the kept source points, of their nearest target points, and the largest distance."""
+    distance, nearest = target.nearest(apply(T, source), reach)
+    order = np.argsort(distance, kind="stable")
+    found = int(np.searchsorted(distance[order], np.inf))
+    if found < (overlap or LEAST_OVERLAP) * len(source):
+        return _closest(source, target, T, np.inf, overlap)
+    rows = order[: trimmed_count(distance[order[:found]], len(source), overlap)]
+    return rows, nearest[rows], float(distance[rows[-1]])
 
 
-def _largest_step(last: Array, T: Array, reach: float) -> float:
-    change = T - last
-    return float(np.abs(change[:3, :3]).max() * reach + np.abs(change[:3, 3]).max())
+def _step(last: Array, T: Array, arm: float) -> Array:
+    """(6,) motion from the pose last to T: rotation vector times arm, and translation."""
+    turn = Rotation.from_matrix(T[:3, :3] @ last[:3, :3].T).as_rotvec()
+    return np.concatenate([turn * arm, T[:3, 3] - last[:3, 3]])
+
+
+def _advance(T: Array, step: Array, arm: float) -> Array:
+    turn = Rotation.from_rotvec(step[:3] / arm).as_matrix()
+    return pose(turn @ T[:3, :3], T[:3, 3] + step[3:])
+
+
+def _extrapolation(last: Array, step: Array) -> float:
+    """How many more steps to go at once (Besl and McKay 1992): steps that point the same way and
+    shrink by r each have r / (1 - r) times the last one left."""
+    length, last_length = np.linalg.norm(step), np.linalg.norm(last)
+    if step @ last <= PARALLEL * length * last_length:
+        return 0.0
+    ratio = min(float(length / last_length), FARTHEST / (1 + FARTHEST))
+    return ratio / (1 - ratio)

@@ -21,7 +21,8 @@ def pose(R: Array, t: Array) -> Array:
 def apply(T: Array, points: Array) -> Array:
     """(N, 3) points R x + t."""
     # no matrix product: BLAS may round differently with another number of threads
-    return np.einsum("nj,ij->ni", points, T[:3, :3]) + T[:3, 3]
+    turned: Array = np.einsum("nj,ij->ni", points, T[:3, :3])
+    return turned + T[:3, 3]
 
 
 def inverse(T: Array) -> Array:
@@ -54,7 +55,8 @@ def axis_rotation(axis: Array, angle: float) -> Array:
     """(3, 3) rotation by angle (radians) about axis (3,), of any length but zero (Rodrigues)."""
     x, y, z = axis / np.linalg.norm(axis)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+    R: Array = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+    return R
 
 
 def rotation_error(A: Array, B: Array) -> float:

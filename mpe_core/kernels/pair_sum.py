@@ -29,7 +29,7 @@ def _block_force(
     px: NDArray[np.float32],
     py: NDArray[np.float32],
     pz: NDArray[np.float32],
-) -> tuple[float, float, float]:
+) -> tuple[np.float32, np.float32, np.float32]:
     fx, fy, fz = np.float32(0), np.float32(0), np.float32(0)
     for j in range(px.shape[0]):
         dx, dy, dz = px[j] - x, py[j] - y, pz[j] - z
