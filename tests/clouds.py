@@ -1,0 +1,79 @@
+"""Clouds with a known truth, for the tests."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.rigid import apply, axis_rotation, inverse, pose, random_rotation
+from service.formats import read_points
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A pair to register and the pose that is right."""
+
+    source: Array
+    target: Array
+    T_target_source: Array
+
+
+def bunny(data: Path, name: str = "bun_zipper_res3") -> Array:
+    """The Stanford bunny, centred, its farthest point at distance 1."""
+    points = points_of(data / "bunny_whole" / f"{name}.ply")
+    points = points - points.mean(axis=0)
+    return points / np.linalg.norm(points, axis=1).max()
+
+
+def points_of(path: Path) -> Array:
+    return read_points(path).points.astype(np.float64)
+
+
+def knot(count: int, rng: np.random.Generator) -> Array:
+    """A bent tube of growing width: random points of a smooth surface without any symmetry."""
+    s, angle = rng.uniform(0, 1, count), rng.uniform(0, 2 * np.pi, count)
+    spine = np.column_stack([s, 0.5 * s**2, 0.3 * np.sin(4 * s)])
+    width = (0.05 + 0.15 * s)[:, None]
+    return spine + width * np.column_stack([np.zeros(count), np.cos(angle), 0.6 * np.sin(angle)])
+
+
+def moved(
+    cloud: Array,
+    rng: np.random.Generator,
+    *,
+    largest_deg: float = 90.0,
+    noise: float = 0.0,
+    outliers: int = 0,
+) -> Trial:
+    """The cloud as target; as source itself with Gaussian noise and uniform outliers in its box,
+    turned about its centroid by up to largest_deg and moved by up to half its diagonal."""
+    source = cloud + noise * rng.normal(size=cloud.shape)
+    stray = rng.uniform(cloud.min(axis=0), cloud.max(axis=0), size=(outliers, 3))
+    T = motion(
+        cloud, axis_rotation(rng.normal(size=3), np.radians(rng.uniform(0, largest_deg))), rng
+    )
+    return Trial(apply(T, np.vstack([source, stray])), cloud, inverse(T))
+
+
+def real_pair(data: Path, name: str, largest_deg: float = 180.0) -> Trial:
+    """A pair of pairs.json, its source moved by a random motion seeded by the pair."""
+    pairs = {pair["id"]: pair for pair in json.loads((data / "pairs.json").read_text())}
+    source, target = (points_of(data / pairs[name][end]) for end in ("source", "target"))
+    rng = np.random.default_rng(list(name.encode()))
+    angle = np.radians(rng.uniform(0, largest_deg))
+    R = random_rotation(rng) if largest_deg == 180 else axis_rotation(rng.normal(size=3), angle)
+    T = motion(source, R, rng)
+    return Trial(apply(T, source), target, np.array(pairs[name]["T_target_source"]) @ inverse(T))
+
+
+def motion(cloud: Array, R: Array, rng: np.random.Generator) -> Array:
+    """Turn by R about the centroid and move by up to half the diagonal."""
+    centre, direction = cloud.mean(axis=0), rng.normal(size=3)
+    length = rng.uniform(0, 0.5) * np.linalg.norm(np.ptp(cloud, axis=0))
+    return pose(R, centre - R @ centre + length * direction / np.linalg.norm(direction))
