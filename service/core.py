@@ -5,14 +5,18 @@ from __future__ import annotations
 import fcntl
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
+from service.jobs.database import Database
+from service.jobs.job import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.settings import Settings
 from service.storage import BlobStore
+from service.upkeep import Upkeep
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +28,7 @@ class Service:
     store: JobStore
     queue: Queue
     changes: Changes
+    keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
 
 
 @contextmanager
@@ -32,17 +37,20 @@ def running_service(settings: Settings) -> Iterator[Service]:
     with _sole_owner(settings.data_dir):
         blobs = BlobStore(settings.data_dir)
         blobs.discard_incoming()
-        store = JobStore(
-            f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}", queue_limit=settings.queue_limit
-        )
+        database = Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
+        retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
+        store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
         changes = Changes()
         queue = Queue(store, settings, changes.announce)
+        upkeep = Upkeep(settings, database, store, blobs, changes.announce)
         queue.start()
+        upkeep.start()
         try:
             yield Service(settings, blobs, store, queue, changes)
         finally:
-            queue.stop()
-            store.close()
+            upkeep.stop()
+            queue.stop(grace_s=0)
+            database.close()
 
 
 @contextmanager

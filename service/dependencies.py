@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import Depends, Header, Request
+from fastapi import Depends, Header, Path, Request
+from starlette.concurrency import run_in_threadpool
 
+from service.admission import admit
 from service.core import Service
+from service.jobs.job import JobRow
+from service.problems import UnknownRegistrationError
 from service.submission import Submission, read_submission
 
 _WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)
@@ -19,13 +24,6 @@ def _service(request: Request) -> Service:
 
 
 CurrentService = Annotated[Service, Depends(_service)]
-
-
-async def _submission(request: Request, service: CurrentService) -> Submission:
-    return await read_submission(request, service)
-
-
-NewSubmission = Annotated[Submission, Depends(_submission)]
 
 
 def _wait(
@@ -43,3 +41,48 @@ def _wait(
 
 
 PreferredWait = Annotated[float | None, Depends(_wait)]
+
+
+async def _idempotency_key(
+    service: CurrentService,
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            min_length=1,
+            max_length=255,
+            description="A word of the caller's own: the same request again under it is answered "
+            "with the same registration, another request is refused.",
+        ),
+    ] = None,
+) -> AsyncIterator[str | None]:
+    with service.keys_in_flight.hold(idempotency_key):
+        yield idempotency_key
+
+
+IdempotencyKey = Annotated[str | None, Depends(_idempotency_key)]
+
+
+async def _submission(
+    request: Request, service: CurrentService, _key: IdempotencyKey
+) -> Submission:
+    await run_in_threadpool(admit, service)
+    return await read_submission(request, service)
+
+
+NewSubmission = Annotated[Submission, Depends(_submission)]
+
+
+def known(job: JobRow | None) -> JobRow:
+    """The job; UnknownRegistrationError when it is None."""
+    if job is None:
+        raise UnknownRegistrationError("No registration has this id; it may have been removed.")
+    return job
+
+
+def _known_job(
+    service: CurrentService, job_id: Annotated[str, Path(description="Id of the registration.")]
+) -> JobRow:
+    return known(service.store.get(job_id))
+
+
+KnownJob = Annotated[JobRow, Depends(_known_job)]

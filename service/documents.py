@@ -10,24 +10,29 @@ from datetime import UTC, datetime
 
 from service.jobs.job import JobRow
 from service.problems import InvalidRequestError
-from service.schemas import CloudInfo, JobSummary, Problem, Progress, Stage, Timing
+from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
 from service.storage import BlobStore
 
 
 def summary(job: JobRow) -> JobSummary:
     """The job without its result."""
-    stage: Stage = job.stage  # type: ignore[assignment]  # checked by the model
     return JobSummary(
         id=job.id,
         status=job.status,
         created_at=_time(job.created_at),
-        started_at=None if job.started_at is None else _time(job.started_at),
-        finished_at=None if job.finished_at is None else _time(job.finished_at),
+        started_at=_time_or_none(job.started_at),
+        finished_at=_time_or_none(job.finished_at),
         attempt=job.attempt,
-        progress=Progress(stage=stage, fraction=job.fraction),
+        progress=Progress(stage=job.stage, fraction=job.fraction),
         source=CloudInfo(**asdict(job.source)),
         target=CloudInfo(**asdict(job.target)),
         options=job.options,
+        labels=job.labels,
+        priority=job.priority,
+        deadline_at=_time_or_none(job.deadline_at),
+        cached=job.cached,
+        result_expires_at=_time_or_none(job.result_expires_at),
+        expires_at=_time_or_none(job.expires_at),
         timing=Timing(**job.timing),
         warnings=job.warnings,
         error=None if job.error is None else Problem(**job.error),
@@ -58,3 +63,7 @@ def decode_cursor(cursor: str) -> tuple[float, str]:
 
 def _time(seconds: float) -> datetime:
     return datetime.fromtimestamp(seconds, UTC)
+
+
+def _time_or_none(seconds: float | None) -> datetime | None:
+    return None if seconds is None else _time(seconds)

@@ -2,14 +2,53 @@
 
 from __future__ import annotations
 
+import threading
+from types import FrameType
+
 import uvicorn
+from fastapi import FastAPI
 
 from service.app import create_app
+from service.core import Service
+
+CONNECTIONS_GRACE_S = 3
+"""Seconds that open connections (event streams, waits) have left once the jobs are handed back."""
+
+
+class DrainingServer(uvicorn.Server):
+    """Goes on answering, but takes on nothing, until the running jobs have ended or the grace."""
+
+    def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
+        super().__init__(config)
+        self._app = app
+        self._draining = False
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """The first signal begins to drain, a second one ends at once."""
+        if self._draining:
+            super().handle_exit(sig, frame)
+            return
+        self._draining = True
+        threading.Thread(target=self._drain, args=(sig, frame), daemon=True).start()
+
+    def _drain(self, sig: int, frame: FrameType | None) -> None:
+        service: Service | None = getattr(self._app.state, "service", None)
+        if service is not None:
+            service.queue.stop(service.settings.shutdown_grace_s)
+        super().handle_exit(sig, frame)
 
 
 def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
     """Serve until SIGTERM or SIGINT; the settings come from the MPE_ variables."""
-    uvicorn.run(create_app(), host=host, port=port, server_header=False)
+    app = create_app()
+    config = uvicorn.Config(
+        app,
+        host=host,
+        port=port,
+        server_header=False,
+        timeout_graceful_shutdown=CONNECTIONS_GRACE_S,
+    )
+    DrainingServer(config, app).run()
 
 
 if __name__ == "__main__":

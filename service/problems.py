@@ -66,6 +66,26 @@ class QueueFullError(ServiceError):
     """As many registrations wait as may wait."""
 
 
+class IdempotencyMismatchError(ServiceError):
+    """Another request was made under the same Idempotency-Key."""
+
+
+class IdempotencyInFlightError(ServiceError):
+    """The first request under the same Idempotency-Key is still being read."""
+
+
+class ExpiredError(ServiceError):
+    """There was a result, but it was kept long enough."""
+
+
+class OverloadedError(ServiceError):
+    """Too little disk or memory is left to take on more."""
+
+
+class DeadlineError(ServiceError):
+    """The caller's deadline passed first."""
+
+
 class NotReadyError(ServiceError):
     """The workers are not warm yet, or the service is stopping."""
 
@@ -106,6 +126,15 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     FetchingDisabledError: ProblemType(403, "fetching-disabled", "The URL may not be fetched"),
     FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),
     QueueFullError: ProblemType(429, "queue-full", "The queue is full"),
+    IdempotencyMismatchError: ProblemType(
+        422, "idempotency-mismatch", "The Idempotency-Key belongs to another request"
+    ),
+    IdempotencyInFlightError: ProblemType(
+        409, "idempotency-in-flight", "The first request under this key is still in flight"
+    ),
+    ExpiredError: ProblemType(410, "expired", "The result has expired"),
+    OverloadedError: ProblemType(503, "overloaded", "The service is short of disk or memory"),
+    DeadlineError: ProblemType(504, "deadline-passed", "The deadline passed"),
     NotReadyError: ProblemType(503, "not-ready", "The service is not ready"),
     JobTimeoutError: ProblemType(504, "job-timeout", "The registration took too long"),
     JobMemoryError: ProblemType(507, "job-memory", "The registration needs too much memory"),
@@ -142,3 +171,8 @@ def problem(kind: ProblemType, detail: str, **members: Any) -> dict[str, Any]:
         "detail": detail,
         **members,
     }
+
+
+def error_problem(error: Exception) -> dict[str, Any]:
+    """The problem document of an exception of the table."""
+    return problem(problem_type(error), str(error))

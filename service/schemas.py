@@ -5,16 +5,26 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, HttpUrl
+from pydantic import BaseModel, ConfigDict, Field, HttpUrl, StringConstraints
 
+from service.jobs.job import JobStatus
 from service.options import Options, StrictModel
 
-Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
-Stage = Literal["queued", "fetch", "decode", "prepare", "search", "refine", "inliers", "finished"]
 INLINE_PAIRS = 100_000
 
+Stage = Annotated[
+    str,
+    Field(
+        description="What is being done: queued, fetch, decode, prepare, search, refine, inliers, "
+        "finished; later releases may add stages."
+    ),
+]
 Row = Annotated[list[float], Field(min_length=4, max_length=4)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+LabelName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+Labels = Annotated[
+    dict[LabelName, Annotated[str, StringConstraints(max_length=256)]], Field(max_length=16)
+]
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 
@@ -31,6 +41,17 @@ class RegistrationParameters(StrictModel):
     """What is said about a registration beside its two clouds."""
 
     options: Options = Field(default_factory=Options, description="How to register.")
+    labels: Labels = Field(
+        default_factory=dict,
+        description="Up to 16 words of the caller's own, given back and searched for in the list.",
+        examples=[{"part": "door-2"}],
+    )
+    priority: int = Field(
+        0, ge=-100, le=100, description="Among the waiting, the highest goes first; no unit."
+    )
+    deadline_s: float | None = Field(
+        None, gt=0, le=604_800, description="Give up after this long from now, in seconds."
+    )
 
 
 class RegistrationRequest(RegistrationParameters):
@@ -49,7 +70,16 @@ class Document(BaseModel):
 class Progress(Document):
     """How far the registration is."""
 
-    stage: Stage = Field(description="What is being done.")
+    stage: Stage
+    fraction: float = Field(ge=0, le=1, description="Share of the whole that is done, in [0, 1].")
+
+
+class Event(Document):
+    """A registration as it was after one change."""
+
+    at: datetime = Field(description="When it changed (UTC).")
+    status: JobStatus
+    stage: Stage
     fraction: float = Field(ge=0, le=1, description="Share of the whole that is done, in [0, 1].")
 
 
@@ -105,7 +135,9 @@ class Result(Document):
 
 
 class Timing(Document):
-    """Seconds spent, each null until known."""
+    """Seconds spent, each null until known; later releases may add stages."""
+
+    model_config = ConfigDict(extra="allow")
 
     queued_s: float | None = Field(None, description="Waiting for a worker, in seconds.")
     fetch_s: float | None = Field(None, description="Fetching URLs, in seconds.")
@@ -136,7 +168,7 @@ class JobSummary(Document):
     """A registration without its result."""
 
     id: str = Field(description="Name of the registration.")
-    status: Status = Field(description="queued, running, or how it ended.")
+    status: JobStatus = Field(description="queued, running, or how it ended.")
     created_at: datetime = Field(description="When it was accepted (UTC).")
     started_at: datetime | None = Field(description="When the last attempt began (UTC).")
     finished_at: datetime | None = Field(description="When it ended (UTC).")
@@ -145,6 +177,16 @@ class JobSummary(Document):
     source: CloudInfo
     target: CloudInfo
     options: dict[str, Any] = Field(description="Every option, defaults filled in.")
+    labels: dict[str, str] = Field(description="As the caller gave them.")
+    priority: int = Field(description="As the caller gave it.")
+    deadline_at: datetime | None = Field(description="When it is given up (UTC).")
+    cached: bool = Field(description="Whether the result is that of the same work done before.")
+    result_expires_at: datetime | None = Field(
+        description="When result and clouds are dropped (UTC); known once it has ended."
+    )
+    expires_at: datetime | None = Field(
+        description="When the registration itself is dropped (UTC); known once it has ended."
+    )
     timing: Timing
     warnings: list[str] = Field(description="What was odd about the input or the result.")
     error: Problem | None = Field(description="Why it failed.")
@@ -170,6 +212,21 @@ class InlierList(Document):
     threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
     pairs: list[Pair] = Field(description="[source index, target index] of each pair.")
     distances: list[float] = Field(description="Distance of each pair, in the input's unit.")
+
+
+class Capacity(Document):
+    """What the service can take on."""
+
+    workers: int = Field(description="Registrations that run at once; a count.")
+    threads_per_worker: int = Field(description="Threads of one registration; a count.")
+    running: int = Field(description="Registrations that run; a count.")
+    free: int = Field(description="Workers that have nothing to do; a count.")
+    queued: int = Field(description="Registrations that wait; a count.")
+    queue_limit: int = Field(description="Registrations that may wait; a count.")
+    max_body_bytes: int = Field(description="Largest request body, in bytes.")
+    max_wait_s: float = Field(description="Longest wait that is granted, in seconds.")
+    job_timeout_s: float = Field(description="Longest run of one attempt, in seconds.")
+    job_memory_bytes: int = Field(description="Memory that one attempt may take, in bytes.")
 
 
 class Health(Document):

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MEBIBYTE = 2**20
+DAY_S = 86_400.0
 
 
 def available_cores() -> int:
@@ -65,6 +66,29 @@ class Settings(BaseSettings):
         default_factory=_default_job_memory,
         ge=256 * MEBIBYTE,
         description="Address space of one worker in bytes. Default: 80 % of the memory, shared.",
+    )
+    shutdown_grace_s: float = Field(
+        default=30, ge=0, description="Seconds that running jobs may go on for after SIGTERM."
+    )
+    result_retention_s: float = Field(
+        default=7 * DAY_S, gt=0, description="Seconds that a result and its clouds are kept."
+    )
+    job_retention_s: float = Field(
+        default=30 * DAY_S, gt=0, description="Seconds that a registration that ended is kept."
+    )
+    blob_grace_s: float = Field(
+        default=600, gt=0, description="Age in seconds from which unused files are removed."
+    )
+    upkeep_interval_s: float = Field(
+        default=30, gt=0, description="Seconds between looks for what has expired."
+    )
+    min_free_disk_bytes: int = Field(
+        default=512 * MEBIBYTE,
+        ge=0,
+        description="With less disk left, submissions are answered 503.",
+    )
+    min_free_memory_bytes: int = Field(
+        default=256 * MEBIBYTE, ge=0, description="With less memory left, they are answered 503."
     )
     url_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -56,7 +58,8 @@ class BlobWriter:
         blob = Blob(self._hash.hexdigest(), self._size)
         path = self._store.path(blob.sha256)
         path.parent.mkdir(exist_ok=True)
-        Path(self._file.name).replace(path)
+        with self._store.locked():
+            Path(self._file.name).replace(path)
         _fsync_directory(path.parent)
         return blob
 
@@ -88,6 +91,34 @@ class BlobStore:
         """Remove what a former process was writing when it ended."""
         for path in self.incoming.iterdir():
             path.unlink()
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep `collect` and the renaming of new blobs, in whatever process, apart."""
+        with (self.root / "blobs.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+    def touch(self, sha256: str) -> None:
+        """Count the blob as new, so that `collect` spares it until its next job is stored."""
+        self.path(sha256).touch()
+
+    def collect(self, needed: Callable[[], set[str]], *, older_than: float) -> int:
+        """Remove blobs that were written before a time and are not needed; returns how many.
+
+        What is needed is asked after the old blobs have been listed: a blob that a job has taken
+        up since is either needed or new.
+        """
+        old = [path for path in self.blobs.glob("*/*") if path.stat().st_mtime < older_than]
+        unneeded = {path.name for path in old} - needed() if old else set()
+        return sum(self._remove_old(path, older_than) for path in old if path.name in unneeded)
+
+    def _remove_old(self, path: Path, older_than: float) -> bool:
+        with self.locked():
+            if path.stat().st_mtime >= older_than:
+                return False
+            path.unlink()
+        return True
 
     def put(self, chunks: Iterable[bytes]) -> Blob:
         """Store the chunks as one blob."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from fastapi import Request
@@ -15,6 +15,7 @@ from service.core import Service
 from service.errors import invalid_request
 from service.formats import FORMATS, UnknownFormatError, sniff
 from service.jobs.job import CloudInput
+from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.schemas import RegistrationParameters, RegistrationRequest, UrlReference
 from service.sources import FetchRules, check_url
@@ -32,6 +33,11 @@ class Submission:
     source: CloudInput
     target: CloudInput
     parameters: RegistrationParameters
+
+    def fingerprint(self) -> str:
+        """Hash of all that was asked for."""
+        said = self.parameters.model_dump(include=set(RegistrationParameters.model_fields))
+        return fingerprint([asdict(self.source), asdict(self.target), said])
 
 
 async def read_submission(request: Request, service: Service) -> Submission:

@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from service.core import Service
 from service.jobs.job import JobRow, is_terminal
 
-LOOK_EVERY_S = 2.0  # for changes that another process made: nobody announces those here
+LOOK_EVERY_S = 1.0  # for what nobody announces: changes by another process, the stop of this one
 
 
 async def settled(service: Service, job_id: str, wait_s: float) -> JobRow | None:
@@ -22,7 +22,8 @@ async def settled(service: Service, job_id: str, wait_s: float) -> JobRow | None
             changed.clear()
             job = await run_in_threadpool(service.store.get, job_id)
             left = deadline - time.monotonic()
-            if job is None or is_terminal(job.status) or left <= 0:
+            over = job is None or is_terminal(job.status) or service.queue.is_stopped
+            if over or left <= 0:
                 return job
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(changed.wait(), min(left, LOOK_EVERY_S))

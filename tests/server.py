@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -50,11 +49,19 @@ class Server:
             )
         self._await("/readyz" if ready else "/livez")
 
-    def stop(self) -> int:
-        """SIGTERM, and the exit code."""
+    def stop(self) -> None:
+        """SIGTERM, and wait for the end."""
+        self.terminate()
+        self.wait()
+
+    def terminate(self) -> None:
+        """SIGTERM."""
         assert self._process is not None
-        self._process.send_signal(signal.SIGTERM)
-        return self._process.wait(timeout=60)
+        self._process.terminate()
+
+    def wait(self) -> None:
+        assert self._process is not None
+        self._process.wait(timeout=60)
 
     def kill(self) -> None:
         """SIGKILL."""

@@ -88,6 +88,7 @@ def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
     return Outcome(
         result_sha256=result.sha256,
         inliers_sha256=inliers.sha256,
+        confidence=found.confidence,
         source=source,
         target=target,
         timing=timing,

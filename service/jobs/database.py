@@ -1,19 +1,46 @@
-"""A connection pool to the job store's database, durable and ready for several threads."""
+"""The database below the stores: durable commits, one writer at a time, readers beside it."""
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, create_engine, event
+
+from service.jobs.tables import migrate
 
 
-def open_database(url: str) -> Engine:
-    """Engine for the URL; SQLite gets write-ahead logging and commits that survive a power cut."""
-    engine = create_engine(url)
-    if engine.dialect.name == "sqlite":
-        event.listen(engine, "connect", _configure_sqlite)
-        event.listen(engine, "begin", _begin_sqlite)
-    return engine
+class Database:
+    """An SQL database at a URL: SQLite beside the blobs, or PostgreSQL; migrated when opened."""
+
+    def __init__(self, url: str) -> None:
+        self._engine = create_engine(url)
+        if self._engine.dialect.name == "sqlite":
+            event.listen(self._engine, "connect", _configure_sqlite)
+            event.listen(self._engine, "begin", _begin_sqlite)
+        self._writer = self._engine.execution_options(writes=True)
+        # first come first served: SQLite's own waiting for the writer polls, and is unfair
+        self._writing = threading.Lock()
+        with self.write() as connection:
+            migrate(connection)
+
+    @contextmanager
+    def read(self) -> Iterator[Connection]:
+        """A snapshot to read from."""
+        with self._engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def write(self) -> Iterator[Connection]:
+        """A transaction; durable when the context is left, undone when it raises."""
+        with self._writing, self._writer.begin() as connection:
+            yield connection
+
+    def close(self) -> None:
+        """Give the connections back."""
+        self._engine.dispose()
 
 
 def _configure_sqlite(connection: Any, _: object) -> None:

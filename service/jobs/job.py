@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 
+ENDED: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")
+
+
 def is_terminal(status: JobStatus) -> bool:
     """Whether nothing will happen to the job any more."""
-    return status in ("succeeded", "failed", "cancelled")
+    return status in ENDED
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +25,6 @@ class CloudInput:
     """Length in bytes."""
     url: str | None = None
 
-    def as_json(self) -> dict[str, Any]:
-        """The form in which the store keeps it."""
-        return asdict(self)
-
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -35,6 +34,8 @@ class Outcome:
     """Blob: the result as the JSON text that the API serves."""
     inliers_sha256: str
     """Blob: the inlier pairs as .npy."""
+    confidence: float
+    """As in the result, in [0, 1]."""
     source: CloudInput
     target: CloudInput
     timing: dict[str, float]
@@ -64,3 +65,30 @@ class JobRow:
     error: dict[str, Any] | None = None
     result_sha256: str | None = None
     inliers_sha256: str | None = None
+    labels: dict[str, str] = field(default_factory=dict)
+    priority: int = 0
+    deadline_at: float | None = None
+    work_key: str | None = None
+    cached: bool = False
+    callback_url: str | None = None
+    result_expires_at: float | None = None
+    expires_at: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JobEvent:
+    """A job as it was after one change of its row."""
+
+    number: int
+    at: float
+    status: JobStatus
+    stage: str
+    fraction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Retention:
+    """How long what has ended is kept, in seconds."""
+
+    result_s: float
+    job_s: float

@@ -6,6 +6,7 @@ import contextlib
 import logging
 import shutil
 import threading
+import time
 from collections.abc import Callable
 
 from service.jobs.child import Child, ChildLostError, prepare_forkserver
@@ -33,6 +34,7 @@ class Queue:
         self._running: dict[str, tuple[JobRow, Child]] = {}
         self._wake = threading.Semaphore(0)
         self._stopping = threading.Event()
+        self._stopped = threading.Event()
         self._warm = threading.Event()
         self._threads = [
             threading.Thread(target=self._serve, name=f"worker-{i}", daemon=True)
@@ -44,12 +46,22 @@ class Queue:
         """Whether jobs start at once."""
         return self._warm.is_set() and not self._stopping.is_set()
 
+    @property
+    def is_stopping(self) -> bool:
+        """Whether no job is begun any more."""
+        return self._stopping.is_set()
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether nothing will happen to any job any more: there is nothing to wait for."""
+        return self._stopped.is_set()
+
     def start(self) -> None:
         """Take up what a former process left behind, and begin to work."""
         shutil.rmtree(self._settings.data_dir / "scratch", ignore_errors=True)
-        recovered = self._store.recover()
-        if recovered:
-            log.warning("%d registrations were interrupted", recovered)
+        lost = self._store.lose_all("the service was killed meanwhile")
+        if lost:
+            log.warning("%d registrations were interrupted", lost)
         prepare_forkserver(self._settings.threads)
         for thread in self._threads:
             thread.start()
@@ -64,16 +76,20 @@ class Queue:
             _, child = self._running[job_id]
             child.kill()
 
-    def stop(self) -> None:
-        """Begin nothing more, end what runs and hand it back."""
+    def stop(self, grace_s: float) -> None:
+        """Begin nothing more; what still runs after the grace is ended and waits again."""
         self._stopping.set()
+        for _ in self._threads:
+            self._wake.release()
+        deadline = time.monotonic() + grace_s
+        for thread in self._threads:
+            thread.join(max(0.0, deadline - time.monotonic()))
         for job, child in list(self._running.values()):
             self._store.hand_back(job)
             child.kill()
-        for _ in self._threads:
-            self._wake.release()
         for thread in self._threads:
             thread.join()
+        self._stopped.set()
 
     def _remember(self, job: JobRow, child: Child) -> None:
         self._running[job.id] = (job, child)

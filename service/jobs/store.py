@@ -2,193 +2,205 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
-from sqlalchemy import Connection, Row, Update, and_, func, insert, or_, select, update
-from sqlalchemy import delete as delete_from
+from sqlalchemy import ColumnElement, and_, delete, select, update
 
-from service.jobs.database import open_database
-from service.jobs.job import CloudInput, JobRow, Outcome
-from service.jobs.tables import jobs, migrate
-from service.problems import QueueFullError, WorkerLostError, problem, problem_type
+from service.jobs.database import Database
+from service.jobs.intake import Idempotency, accept
+from service.jobs.job import ENDED, JobEvent, JobRow, Outcome, Retention
+from service.jobs.listing import EVERYTHING, Filter, Place, newest_first
+from service.jobs.rows import count_jobs, find_job, job_of, record_event
+from service.jobs.tables import events, jobs
+from service.problems import DeadlineError, WorkerLostError, error_problem
 
 MAX_LOST_ATTEMPTS = 3
 
 
 class JobStore:
-    """Jobs in an SQL database: SQLite beside the blobs, or PostgreSQL.
+    """Jobs in the database.
 
     A worker that lost its job (cancelled, timed out, lease expired) cannot overwrite it: each of
     its writes is guarded by the attempt number that it was given, and answers whether it counted.
     """
 
-    def __init__(self, url: str, *, queue_limit: int) -> None:
-        self._engine = open_database(url)
-        self._writer = self._engine.execution_options(writes=True)
+    def __init__(self, database: Database, *, queue_limit: int, retention: Retention) -> None:
+        self._database = database
         self._queue_limit = queue_limit
-        # one writer at a time, first come first served: SQLite's own waiting polls, and is unfair
-        self._writing = threading.Lock()
-        with self._write() as connection:
-            migrate(connection)
+        self._retention = retention
 
-    def close(self) -> None:
-        """Give the connections back."""
-        self._engine.dispose()
+    def add(self, job: JobRow, idempotency: Idempotency | None = None) -> JobRow:
+        """Accept a job and return it, already ended when the result of the same work is kept.
 
-    @contextmanager
-    def _write(self) -> Iterator[Connection]:
-        with self._writing, self._writer.begin() as connection:
-            yield connection
+        The job that came first under the same idempotency key is returned instead.
 
-    def add(self, job: JobRow) -> None:
-        """Accept a job; QueueFullError when as many wait as may wait."""
-        with self._write() as connection:
-            waiting = _count(connection, "queued")
-            if waiting >= self._queue_limit:
-                raise QueueFullError(
-                    f"{waiting} registrations wait already, no more may; try again later",
-                    headers={"Retry-After": "10"},
-                    members={"queued": waiting},
-                )
-            connection.execute(insert(jobs).values(**asdict(job)))
+        Raises
+        ------
+        IdempotencyMismatchError
+            Something else was asked for under the same key.
+        QueueFullError
+            As many jobs wait as may wait.
+        """
+        with self._database.write() as connection:
+            return accept(
+                connection,
+                job,
+                idempotency,
+                queue_limit=self._queue_limit,
+                retention=self._retention,
+            )
 
     def get(self, job_id: str) -> JobRow | None:
         """The job, or None."""
-        with self._engine.connect() as connection:
-            row = connection.execute(select(jobs).where(jobs.c.id == job_id)).one_or_none()
-        return None if row is None else _job(row)
+        with self._database.read() as connection:
+            return find_job(connection, job_id)
 
-    def page(self, *, limit: int, before: tuple[float, str] | None) -> list[JobRow]:
-        """Up to `limit` jobs, newest first, older than the (created_at, id) of `before`."""
-        query = select(jobs).order_by(jobs.c.created_at.desc(), jobs.c.id.desc()).limit(limit)
-        if before is not None:
-            created_at, job_id = before
-            same_time = and_(jobs.c.created_at == created_at, jobs.c.id < job_id)
-            query = query.where(or_(jobs.c.created_at < created_at, same_time))
-        with self._engine.connect() as connection:
-            return [_job(row) for row in connection.execute(query)]
+    def page(
+        self, *, limit: int, before: Place | None = None, only: Filter = EVERYTHING
+    ) -> list[JobRow]:
+        """Up to `limit` jobs, newest first, from the place where the page before ended."""
+        with self._database.read() as connection:
+            rows = connection.execute(newest_first(only, before=before, limit=limit))
+            return [job_of(row) for row in rows]
+
+    def events(self, job_id: str, *, after: int) -> list[JobEvent]:
+        """The changes of a job whose number is above `after`, in order."""
+        query = (
+            select(events)
+            .where(events.c.job_id == job_id, events.c.number > after)
+            .order_by(events.c.number)
+        )
+        with self._database.read() as connection:
+            rows = [dict(row._mapping) for row in connection.execute(query)]
+        return [JobEvent(**{k: v for k, v in row.items() if k != "job_id"}) for row in rows]
 
     def count(self, status: str) -> int:
         """Number of jobs of this status."""
-        with self._engine.connect() as connection:
-            return _count(connection, status)
+        with self._database.read() as connection:
+            return count_jobs(connection, status)
 
     def claim(self, *, lease_s: float) -> JobRow | None:
-        """Begin an attempt at the job that waits longest; None when none waits."""
-        oldest = (
+        """Begin an attempt at the next job, by priority, then age; None when none waits."""
+        first = (
             select(jobs.c.id)
             .where(jobs.c.status == "queued")
-            .order_by(jobs.c.created_at, jobs.c.id)
+            .order_by(jobs.c.priority.desc(), jobs.c.created_at, jobs.c.id)
             .limit(1)
             .with_for_update(skip_locked=True)
             .scalar_subquery()
         )
         now = time.time()
-        begin = (
-            update(jobs)
-            .where(jobs.c.id == oldest, jobs.c.status == "queued")
-            .values(
-                status="running",
-                attempt=jobs.c.attempt + 1,
-                started_at=now,
-                lease_until=now + lease_s,
-            )
-            .returning(jobs)
-        )
-        with self._write() as connection:
-            row = connection.execute(begin).one_or_none()
-        return None if row is None else _job(row)
+        values = {
+            "status": "running",
+            "attempt": jobs.c.attempt + 1,
+            "started_at": now,
+            "lease_until": now + lease_s,
+        }
+        begin = update(jobs).where(jobs.c.id == first, jobs.c.status == "queued").values(**values)
+        with self._database.write() as connection:
+            row = connection.execute(begin.returning(jobs)).one_or_none()
+            if row is not None:
+                record_event(connection, row.id)
+        return None if row is None else job_of(row)
 
     def heartbeat(self, job: JobRow, *, lease_s: float) -> bool:
         """Extend the lease; False when the attempt is no longer the job's."""
-        return self._update_attempt(job, lease_until=time.time() + lease_s)
+        extend = update(jobs).where(_mine(job)).values(lease_until=time.time() + lease_s)
+        with self._database.write() as connection:
+            return connection.execute(extend).rowcount == 1
 
     def progress(self, job: JobRow, stage: str, fraction: float) -> bool:
         """Record how far the attempt is; False when it is no longer the job's."""
-        return self._update_attempt(job, stage=stage, fraction=fraction)
+        return self._change(_mine(job), job.id, stage=stage, fraction=fraction)
 
-    def succeed(self, job: JobRow, outcome: Outcome) -> bool:
+    def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
         """Commit a result; False when the attempt is no longer the job's."""
-        values = asdict(outcome)
-        values["timing"] = self._timing(job, outcome.timing)
-        return self._end(job, status="succeeded", **values)
+        values = asdict(outcome) | {"work_key": work_key}
+        values["timing"] = _timing(job, outcome.timing)
+        del values["confidence"]
+        return self._end(_mine(job), job.id, status="succeeded", **values)
 
     def fail(self, job: JobRow, error: dict[str, Any], timing: dict[str, float]) -> bool:
         """Commit a failure; False when the attempt is no longer the job's."""
-        return self._end(job, status="failed", error=error, timing=self._timing(job, timing))
+        timing = _timing(job, timing)
+        return self._end(_mine(job), job.id, status="failed", error=error, timing=timing)
 
     def hand_back(self, job: JobRow) -> bool:
         """Return a job that was interrupted through no fault of its own to the queue."""
-        return self._update_attempt(job, **_WAITING)
+        return self._change(_mine(job), job.id, **_WAITING)
 
     def lose(self, job: JobRow, reason: str) -> bool:
         """An attempt ended without an answer: queue the job again, or fail it the third time."""
         lost = job.lost_attempts + 1
         if lost < MAX_LOST_ATTEMPTS:
-            return self._update_attempt(job, lost_attempts=lost, **_WAITING)
+            return self._change(_mine(job), job.id, lost_attempts=lost, **_WAITING)
         error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
-        return self.fail(job, problem(problem_type(error), str(error)), {})
+        return self.fail(job, error_problem(error), {})
 
-    def recover(self) -> int:
-        """Lose every running attempt: nobody works on them after a crash. Returns how many."""
-        with self._engine.connect() as connection:
-            running = select(jobs).where(jobs.c.status == "running")
-            orphans = [_job(row) for row in connection.execute(running)]
-        for job in orphans:
-            self.lose(job, "the service was stopped or killed meanwhile")
-        return len(orphans)
+    def lose_all(self, reason: str, *, lease_before: float | None = None) -> int:
+        """Lose the running attempts (whose lease ended before); returns how many there were."""
+        query = select(jobs).where(jobs.c.status == "running")
+        if lease_before is not None:
+            query = query.where(jobs.c.lease_until < lease_before)
+        with self._database.read() as connection:
+            orphans = [job_of(row) for row in connection.execute(query)]
+        return sum(self.lose(job, reason) for job in orphans)
+
+    def miss_deadlines(self) -> list[str]:
+        """Fail the waiting jobs whose deadline has passed; returns their ids."""
+        waiting = and_(jobs.c.status == "queued", jobs.c.deadline_at < time.time())
+        with self._database.read() as connection:
+            late = list(connection.scalars(select(jobs.c.id).where(waiting)))
+        error = error_problem(DeadlineError("The deadline passed before a worker was free."))
+        return [
+            job_id
+            for job_id in late
+            if self._end(and_(waiting, jobs.c.id == job_id), job_id, status="failed", error=error)
+        ]
 
     def cancel(self, job_id: str) -> bool:
         """End a job that waits or runs; False when it had ended or is unknown."""
-        now = time.time()
-        end = (
-            update(jobs)
-            .where(jobs.c.id == job_id, jobs.c.status.in_(("queued", "running")))
-            .values(status="cancelled", finished_at=now, lease_until=None)
-        )
-        return self._changes_one(end)
+        active = and_(jobs.c.id == job_id, jobs.c.status.in_(("queued", "running")))
+        return self._end(active, job_id, status="cancelled")
 
     def remove(self, job_id: str) -> bool:
         """Forget a job that has ended; False when there is none."""
-        ended = jobs.c.status.in_(("succeeded", "failed", "cancelled"))
-        with self._write() as connection:
-            done = connection.execute(delete_from(jobs).where(jobs.c.id == job_id, ended))
-            return done.rowcount == 1
+        ended = and_(jobs.c.id == job_id, jobs.c.status.in_(ENDED))
+        with self._database.write() as connection:
+            return connection.execute(delete(jobs).where(ended)).rowcount == 1
 
-    def _timing(self, job: JobRow, stages: dict[str, float]) -> dict[str, float]:
-        assert job.started_at is not None  # noqa: S101
-        queued, total = job.started_at - job.created_at, time.time() - job.created_at
-        return {"queued_s": queued, **stages, "total_s": total}
-
-    def _end(self, job: JobRow, **values: Any) -> bool:
-        return self._update_attempt(
-            job, finished_at=time.time(), lease_until=None, stage="finished", fraction=1.0, **values
+    def _end(self, which: ColumnElement[bool], job_id: str, **values: Any) -> bool:
+        now = time.time()
+        return self._change(
+            which,
+            job_id,
+            finished_at=now,
+            lease_until=None,
+            stage="finished",
+            fraction=1.0,
+            result_expires_at=now + self._retention.result_s,
+            expires_at=now + self._retention.job_s,
+            **values,
         )
 
-    def _update_attempt(self, job: JobRow, **values: Any) -> bool:
-        mine = and_(jobs.c.id == job.id, jobs.c.attempt == job.attempt, jobs.c.status == "running")
-        return self._changes_one(update(jobs).where(mine).values(**values))
-
-    def _changes_one(self, change: Update) -> bool:
-        with self._write() as connection:
-            return connection.execute(change).rowcount == 1
+    def _change(self, which: ColumnElement[bool], job_id: str, **values: Any) -> bool:
+        with self._database.write() as connection:
+            changed = connection.execute(update(jobs).where(which).values(**values)).rowcount == 1
+            if changed:
+                record_event(connection, job_id)
+        return changed
 
 
 _WAITING = {"status": "queued", "lease_until": None, "stage": "queued", "fraction": 0.0}
 
 
-def _count(connection: Connection, status: str) -> int:
-    query = select(func.count()).select_from(jobs).where(jobs.c.status == status)
-    return connection.scalar(query) or 0
+def _mine(job: JobRow) -> ColumnElement[bool]:
+    return and_(jobs.c.id == job.id, jobs.c.attempt == job.attempt, jobs.c.status == "running")
 
 
-def _job(row: Row[Any]) -> JobRow:
-    values = dict(row._mapping)
-    for cloud in ("source", "target"):
-        values[cloud] = CloudInput(**values[cloud])
-    return JobRow(**values)
+def _timing(job: JobRow, stages: dict[str, float]) -> dict[str, float]:
+    assert job.started_at is not None  # noqa: S101
+    queued, total = job.started_at - job.created_at, time.time() - job.created_at
+    return {"queued_s": queued, **stages, "total_s": total}

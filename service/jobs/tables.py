@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 from sqlalchemy import (
     JSON,
+    Boolean,
     Column,
     Connection,
     Float,
+    ForeignKey,
     Index,
     Integer,
     MetaData,
@@ -45,9 +47,43 @@ jobs = Table(
     Column("error", JSON),
     Column("result_sha256", String),
     Column("inliers_sha256", String),
+    Column("labels", JSON, nullable=False),
+    # the highest goes first
+    Column("priority", Integer, nullable=False),
+    Column("deadline_at", Float),
+    # hash of clouds, options and release: equal keys mean equal results
+    Column("work_key", String),
+    Column("cached", Boolean, nullable=False),
+    Column("callback_url", String),
+    # when the result and the clouds are dropped, and when the job itself is
+    Column("result_expires_at", Float),
+    Column("expires_at", Float),
 )
 Index("jobs_by_age", jobs.c.created_at, jobs.c.id)
-Index("jobs_waiting", jobs.c.status, jobs.c.created_at)
+Index("jobs_waiting", jobs.c.status, jobs.c.priority, jobs.c.created_at)
+Index("jobs_by_work", jobs.c.work_key)
+
+# every change of a job's row, in order
+events = Table(
+    "events",
+    metadata,
+    Column("job_id", String, ForeignKey(jobs.c.id, ondelete="CASCADE"), primary_key=True),
+    Column("number", Integer, primary_key=True),
+    Column("at", Float, nullable=False),
+    Column("status", String, nullable=False),
+    Column("stage", String, nullable=False),
+    Column("fraction", Float, nullable=False),
+)
+
+idempotency_keys = Table(
+    "idempotency_keys",
+    metadata,
+    Column("key", String, primary_key=True),
+    # hash of the request that came with the key first
+    Column("fingerprint", String, nullable=False),
+    Column("job_id", String, ForeignKey(jobs.c.id, ondelete="CASCADE"), nullable=False),
+)
+Index("idempotency_by_job", idempotency_keys.c.job_id)
 
 schema_version = Table("schema_version", metadata, Column("version", Integer, primary_key=True))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 from service.jobs import attempt  # noqa: F401
@@ -10,3 +11,7 @@ from service.jobs.confinement import die_with_parent
 FORKSERVER = os.getpid()
 
 die_with_parent(os.getppid())
+# a worker's garbage collector would touch, and so copy, every page that it shares with this process:
+# storing a result with 36,000 pairs took 0.26 s without the freeze, 0.03 s with it
+gc.collect()
+gc.freeze()

@@ -15,7 +15,8 @@ from service.jobs.confinement import Limits
 from service.jobs.job import CloudInput, JobRow, Outcome
 from service.jobs.store import JobStore
 from service.jobs.task import Task, run
-from service.problems import JobTimeoutError, problem, problem_type
+from service.jobs.work import work_key
+from service.problems import DeadlineError, JobTimeoutError, ServiceError, error_problem
 from service.settings import Settings
 from service.sources import FetchRules
 
@@ -59,38 +60,44 @@ class Worker:
             child.close()
 
     def _follow(self, job: JobRow, child: Child) -> None:
-        deadline = time.monotonic() + self.settings.job_timeout_s
-        beat = time.monotonic() + HEARTBEAT_S
+        bound = self._bound(job)
+        beat = time.time() + HEARTBEAT_S
         mine = True
         while mine:
-            now = time.monotonic()
-            if now >= deadline:
-                self.store.fail(job, self._timeout(), {})
+            now = time.time()
+            if now >= bound.at:
+                self.store.fail(job, error_problem(bound.error), {})
                 return
-            message = child.receive(min(deadline, beat) - now)
+            if now >= beat:
+                mine = self.store.heartbeat(job, lease_s=LEASE_S)
+                beat = now + HEARTBEAT_S
+            message = child.receive(min(bound.at, beat) - now)
             if message is None:
-                if time.monotonic() >= beat:
-                    mine = self.store.heartbeat(job, lease_s=LEASE_S)
-                    beat = time.monotonic() + HEARTBEAT_S
-            elif self._conclude(job, message):
+                continue
+            if self._conclude(job, message):
                 return
-            else:
-                mine = self.store.progress(job, message["stage"], message["fraction"])
-                self.announce(job.id)
+            mine = self.store.progress(job, message["stage"], message["fraction"])
+            self.announce(job.id)
 
     def _conclude(self, job: JobRow, message: dict[str, Any]) -> bool:
         if "outcome" in message:
-            self.store.succeed(job, _outcome(message["outcome"]))
+            outcome = _outcome(message["outcome"])
+            self.store.succeed(job, outcome, work_key(outcome.source, outcome.target, job.options))
         elif "error" in message:
             self.store.fail(job, message["error"], message["timing"])
         else:
             return False
         return True
 
-    def _timeout(self) -> dict[str, Any]:
+    def _bound(self, job: JobRow) -> _Bound:
+        """When the attempt must end, and why then."""
         allowed = self.settings.job_timeout_s
-        error = JobTimeoutError(f"The attempt was ended after the allowed {allowed:g} s.")
-        return problem(problem_type(error), str(error))
+        timeout = JobTimeoutError(f"The attempt was ended after the allowed {allowed:g} s.")
+        bounds = [_Bound(time.time() + allowed, timeout)]
+        if job.deadline_at is not None:
+            late = DeadlineError("The attempt was ended when the deadline passed.")
+            bounds.append(_Bound(job.deadline_at, late))
+        return min(bounds, key=lambda bound: bound.at)
 
     def _task(self, job: JobRow, scratch: Path) -> Task:
         settings = self.settings
@@ -105,6 +112,13 @@ class Worker:
             limits=Limits(memory_bytes=settings.job_memory_bytes, cpu_s=cpu_s),
             fetch_rules=FetchRules.of(settings),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class _Bound:
+    at: float
+    """Seconds since the epoch."""
+    error: ServiceError
 
 
 def _outcome(message: dict[str, Any]) -> Outcome:

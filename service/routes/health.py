@@ -1,4 +1,4 @@
-"""/livez and /readyz."""
+"""/livez, /readyz and /v1/capacity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from fastapi import APIRouter
 
 from service.dependencies import CurrentService
 from service.problems import NotReadyError
-from service.schemas import Health
+from service.schemas import Capacity, Health
 
 router = APIRouter(tags=["health"])
 
@@ -23,3 +23,22 @@ def readyz(service: CurrentService) -> Health:
     if not service.queue.is_ready:
         raise NotReadyError("The workers are not ready.", headers={"Retry-After": "1"})
     return Health()
+
+
+@router.get("/v1/capacity", operation_id="getCapacity", summary="How much can be taken on?")
+def capacity(service: CurrentService) -> Capacity:
+    """Workers, queue and limits as they are now."""
+    settings = service.settings
+    running = service.store.count("running")
+    return Capacity(
+        workers=settings.workers,
+        threads_per_worker=settings.threads,
+        running=running,
+        free=max(0, settings.workers - running),
+        queued=service.store.count("queued"),
+        queue_limit=settings.queue_limit,
+        max_body_bytes=settings.max_body_bytes,
+        max_wait_s=settings.max_wait_s,
+        job_timeout_s=settings.job_timeout_s,
+        job_memory_bytes=settings.job_memory_bytes,
+    )

@@ -12,9 +12,8 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from numpy.typing import NDArray
 
-from service.dependencies import CurrentService
-from service.problems import NotAcceptableError, ResultNotReadyError
-from service.routes.registrations import known
+from service.dependencies import CurrentService, KnownJob
+from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
@@ -37,7 +36,7 @@ ROWS_AT_ONCE = 50_000
     },
 )
 def inliers(
-    job_id: str,
+    job: KnownJob,
     service: CurrentService,
     format: Annotated[
         Literal["json", "npy"] | None, Query(description="Goes before the Accept header.")
@@ -45,7 +44,8 @@ def inliers(
     accept: Annotated[str, Header()] = "*/*",
 ) -> Response:
     """As JSON, or with `?format=npy` or `Accept: application/x-npy` as a NumPy file."""
-    job = known(service.store.get(job_id))
+    if job.status == "succeeded" and job.result_sha256 is None:
+        raise ExpiredError("The result has expired; register the clouds again.")
     if job.inliers_sha256 is None or job.result_sha256 is None:
         raise ResultNotReadyError(f"The registration is {job.status}; only a result has inliers.")
     array = service.blobs.path(job.inliers_sha256)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime
 from typing import Annotated, Any
 from uuid import uuid4
 
@@ -10,11 +11,19 @@ from fastapi import APIRouter, Query, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
-from service.dependencies import CurrentService, NewSubmission, PreferredWait
+from service.dependencies import (
+    CurrentService,
+    IdempotencyKey,
+    NewSubmission,
+    PreferredWait,
+    known,
+)
 from service.documents import decode_cursor, document, encode_cursor, summary
 from service.errors import ProblemResponse
-from service.jobs.job import JobRow, is_terminal
-from service.problems import UnknownRegistrationError
+from service.jobs.intake import Idempotency
+from service.jobs.job import JobRow, JobStatus, is_terminal
+from service.jobs.listing import Filter
+from service.jobs.work import work_key
 from service.schemas import Job, JobPage, RegistrationRequest
 from service.submission import Submission
 from service.waiting import settled
@@ -45,15 +54,18 @@ _BODY: dict[str, Any] = {
     openapi_extra=_BODY,
 )
 async def create(
-    submission: NewSubmission, wait_s: PreferredWait, service: CurrentService
+    submission: NewSubmission,
+    key: IdempotencyKey,
+    wait_s: PreferredWait,
+    service: CurrentService,
 ) -> Response:
     """Answers 202 with the job, or with `Prefer: wait=N` 200 when it ends within N seconds.
 
     When it ends in time because of its input (a file that cannot be read, too few points, ...),
     the answer is the problem document, status 422, and `job` in it names the failed job.
     """
-    job = _new_job(submission)
-    await run_in_threadpool(service.store.add, job)
+    idempotency = None if key is None else Idempotency(key, submission.fingerprint())
+    job = await run_in_threadpool(service.store.add, _new_job(submission), idempotency)
     service.queue.notify()
     if wait_s is not None:
         job = await settled(service, job.id, wait_s) or job
@@ -72,10 +84,23 @@ def list_page(
     cursor: Annotated[
         str | None, Query(max_length=200, description="next_cursor of the page before.")
     ] = None,
+    status: Annotated[JobStatus | None, Query(description="Only those of this status.")] = None,
+    label: Annotated[
+        str | None,
+        Query(pattern=r"^[A-Za-z0-9_.-]{1,64}:", description="Only those labelled name:value."),
+    ] = None,
+    created_after: Annotated[datetime | None, Query(description="Only later ones.")] = None,
+    created_before: Annotated[datetime | None, Query(description="Only earlier ones.")] = None,
 ) -> JobPage:
     """Jobs without their results; follow `next_cursor` until it is null."""
+    only = Filter(
+        status=status,
+        label=None if label is None else _split(label),
+        created_after=_seconds(created_after),
+        created_before=_seconds(created_before),
+    )
     before = None if cursor is None else decode_cursor(cursor)
-    jobs = service.store.page(limit=limit + 1, before=before)
+    jobs = service.store.page(limit=limit + 1, before=before, only=only)
     more = encode_cursor(jobs[limit - 1]) if len(jobs) > limit else None
     return JobPage(items=[summary(job) for job in jobs[:limit]], next_cursor=more)
 
@@ -112,29 +137,23 @@ def delete(job_id: str, service: CurrentService) -> Response:
         body = document(known(service.store.get(job_id)), service.blobs)
         return Response(body, media_type="application/json")
     if not service.store.remove(job_id):
-        raise unknown()
+        known(None)
     return Response(status_code=204)
 
 
-def known(job: JobRow | None) -> JobRow:
-    """The job, or UnknownRegistrationError."""
-    if job is None:
-        raise unknown()
-    return job
-
-
-def unknown() -> UnknownRegistrationError:
-    """What is said of an id that names no registration."""
-    return UnknownRegistrationError("No registration has this id; it may have been removed.")
-
-
 def _new_job(submission: Submission) -> JobRow:
+    wanted, now = submission.parameters, time.time()
+    options = wanted.options.model_dump()
     return JobRow(
         id=str(uuid4()),
         source=submission.source,
         target=submission.target,
-        options=submission.parameters.options.model_dump(),
-        created_at=time.time(),
+        options=options,
+        created_at=now,
+        labels=wanted.labels,
+        priority=wanted.priority,
+        deadline_at=None if wanted.deadline_s is None else now + wanted.deadline_s,
+        work_key=work_key(submission.source, submission.target, options),
     )
 
 
@@ -155,3 +174,15 @@ def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Response:
 
 def _applied(wait_s: float | None) -> dict[str, str]:
     return {} if wait_s is None else {"Preference-Applied": f"wait={wait_s:.0f}"}
+
+
+def _split(label: str) -> tuple[str, str]:
+    name, _, value = label.partition(":")
+    return name, value
+
+
+def _seconds(moment: datetime | None) -> float | None:
+    """Seconds since the epoch; a time without a zone is UTC."""
+    if moment is None:
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

@@ -12,14 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.e2e.scans import arms, as_npy, motion, moved, pose_error
+from tests.e2e.slow import SLOW, slow_pair
 from tests.server import Server, finished, submit
-
-SLOW = '{"method": "mpe", "max_iterations": 10000}'
-
-
-def slow_pair() -> tuple[bytes, bytes]:
-    """Clouds whose exact double sums keep a worker busy for a long time."""
-    return as_npy(arms(1, 60_000)), as_npy(arms(2, 60_000))
 
 
 def test_accepted_then_finished(server: Server) -> None:

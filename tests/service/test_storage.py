@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 from service.storage import BlobStore
 
 
 def files(store: BlobStore) -> list[Path]:
-    return [path for path in store.root.rglob("*") if path.is_file()]
+    return [path for path in store.root.glob("*/**/*") if path.is_file()]
 
 
 def test_blob_is_named_by_its_content(tmp_path: Path) -> None:
@@ -31,6 +32,26 @@ def test_what_is_not_committed_leaves_nothing(tmp_path: Path) -> None:
     with store.writer() as writer:
         writer.write(b"half")
     assert files(store) == []
+
+
+def test_only_old_blobs_that_nobody_needs_are_collected(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    needed, unneeded, young = (store.put([content]) for content in (b"a", b"b", b"c"))
+    for blob in (needed, unneeded):
+        os.utime(store.path(blob.sha256), (0, 0))
+    assert store.collect(lambda: {needed.sha256}, older_than=1000) == 1
+    assert set(files(store)) == {
+        store.path(needed.sha256),
+        store.path(young.sha256),
+    }
+
+
+def test_a_blob_that_is_stored_again_is_young(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    blob = store.put([b"a"])
+    os.utime(store.path(blob.sha256), (0, 0))
+    store.put([b"a"])
+    assert store.collect(set, older_than=1000) == 0
 
 
 def test_what_a_dead_process_left_is_removed(tmp_path: Path) -> None:

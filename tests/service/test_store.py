@@ -5,19 +5,23 @@ from __future__ import annotations
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 import pytest
 from sqlalchemy import update
 
-from service.jobs.database import open_database
-from service.jobs.job import CloudInput, JobRow, Outcome
+from service.jobs.database import Database
+from service.jobs.intake import Idempotency
+from service.jobs.job import CloudInput, JobRow, Outcome, Retention
+from service.jobs.listing import Filter
+from service.jobs.retention import drop_expired, needed_blobs
 from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore
 from service.jobs.tables import schema_version
-from service.problems import QueueFullError
+from service.problems import IdempotencyMismatchError, QueueFullError
 
 CLOUD = CloudInput(sha256="ab", size=1)
-OUTCOME = Outcome("result", "inliers", CLOUD, CLOUD, {"search_s": 1.0}, ["odd"])
+OUTCOME = Outcome("result", "inliers", 0.9, CLOUD, CLOUD, {"search_s": 1.0}, ["odd"])
 LEASE_S = 30.0
 
 
@@ -27,20 +31,27 @@ def url(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def store(url: str) -> JobStore:
-    return JobStore(url, queue_limit=100)
+def database(url: str) -> Database:
+    return Database(url)
 
 
-def new_job() -> JobRow:
-    return JobRow(
-        id=str(uuid4()), source=CLOUD, target=CLOUD, options={"seed": 1}, created_at=time.time()
-    )
+def open_store(database: Database, *, queue_limit: int = 100, result_s: float = 60) -> JobStore:
+    retention = Retention(result_s=result_s, job_s=2 * result_s)
+    return JobStore(database, queue_limit=queue_limit, retention=retention)
 
 
-def add(store: JobStore) -> JobRow:
-    job = new_job()
-    store.add(job)
-    return job
+@pytest.fixture
+def store(database: Database) -> JobStore:
+    return open_store(database)
+
+
+def new_job(**values: Any) -> JobRow:
+    given = {"options": {"seed": 1}, "created_at": time.time()} | values
+    return JobRow(id=str(uuid4()), source=CLOUD, target=CLOUD, **given)
+
+
+def add(store: JobStore, **values: Any) -> JobRow:
+    return store.add(new_job(**values))
 
 
 def claimed(store: JobStore) -> JobRow:
@@ -68,7 +79,7 @@ def test_success_is_committed_with_its_timing(store: JobStore) -> None:
     add(store)
     job = claimed(store)
     assert store.progress(job, "search", 0.5)
-    assert store.succeed(job, OUTCOME)
+    assert store.succeed(job, OUTCOME, None)
     row = store.get(job.id)
     assert row is not None
     assert (row.status, row.attempt, row.result_sha256) == ("succeeded", 1, "result")
@@ -83,19 +94,19 @@ def test_an_attempt_that_lost_its_job_changes_nothing(store: JobStore) -> None:
     assert store.lose(first, "killed")
     second = claimed(store)
     assert second.attempt == 2
-    assert not store.succeed(first, OUTCOME)
+    assert not store.succeed(first, OUTCOME, None)
     assert not store.progress(first, "search", 0.9)
     assert not store.fail(first, {"detail": "late"}, {})
     assert not store.heartbeat(first, lease_s=LEASE_S)
     assert store.get(second.id) == second
-    assert store.succeed(second, OUTCOME)
+    assert store.succeed(second, OUTCOME, None)
 
 
 def test_a_cancelled_job_stays_cancelled(store: JobStore) -> None:
     add(store)
     job = claimed(store)
     assert store.cancel(job.id)
-    assert not store.succeed(job, OUTCOME)
+    assert not store.succeed(job, OUTCOME, None)
     assert not store.cancel(job.id)
     row = store.get(job.id)
     assert row is not None
@@ -130,13 +141,13 @@ def test_a_job_handed_back_has_lost_nothing(store: JobStore) -> None:
 def test_after_a_crash_running_jobs_wait_again(store: JobStore, url: str) -> None:
     running, waiting = add(store), add(store)
     claimed(store)
-    reopened = JobStore(url, queue_limit=100)
-    assert reopened.recover() == 1
+    reopened = open_store(Database(url))
+    assert reopened.lose_all("killed") == 1
     assert [claimed(reopened).id for _ in range(2)] == [running.id, waiting.id]
 
 
-def test_queue_is_bounded(url: str) -> None:
-    store = JobStore(url, queue_limit=2)
+def test_queue_is_bounded(database: Database) -> None:
+    store = open_store(database, queue_limit=2)
     add(store), add(store)
     with pytest.raises(QueueFullError) as caught:
         add(store)
@@ -149,19 +160,116 @@ def test_queue_is_bounded(url: str) -> None:
 def test_pages_cover_jobs_of_the_same_instant(store: JobStore) -> None:
     moment = time.time()
     for _ in range(7):
-        store.add(
-            JobRow(id=str(uuid4()), source=CLOUD, target=CLOUD, options={}, created_at=moment)
-        )
+        add(store, created_at=moment)
     seen: list[str] = []
-    page = store.page(limit=3, before=None)
+    page = store.page(limit=3)
     while page:
         seen += [job.id for job in page]
         page = store.page(limit=3, before=(page[-1].created_at, page[-1].id))
     assert len(seen) == len(set(seen)) == 7
 
 
-def test_a_store_of_a_later_release_is_refused(store: JobStore, url: str) -> None:
-    with open_database(url).begin() as connection:
+def test_list_is_filtered(store: JobStore) -> None:
+    start = time.time()
+    add(store, labels={"part": "door"})
+    wanted = add(store, labels={"part": "wing", "shift": "2"})
+    claimed(store)
+    assert [job.id for job in store.page(limit=9, only=Filter(status="queued"))] == [wanted.id]
+    assert [job.id for job in store.page(limit=9, only=Filter(label=("part", "wing")))] == [
+        wanted.id
+    ]
+    assert store.page(limit=9, only=Filter(label=("part", "roof"))) == []
+    assert len(store.page(limit=9, only=Filter(created_after=start))) == 2
+    assert store.page(limit=9, only=Filter(created_before=start)) == []
+
+
+def test_highest_priority_goes_first(store: JobStore) -> None:
+    for priority in (0, 5, -5, 5):
+        add(store, priority=priority)
+    assert [claimed(store).priority for _ in range(4)] == [5, 5, 0, -5]
+
+
+def test_a_waiting_job_fails_at_its_deadline(store: JobStore) -> None:
+    late, early = add(store, deadline_at=time.time() - 1), add(store, deadline_at=time.time() + 60)
+    assert store.miss_deadlines() == [late.id]
+    row = store.get(late.id)
+    assert row is not None
+    assert row.error is not None
+    assert row.error["type"].endswith("deadline-passed")
+    assert claimed(store).id == early.id
+
+
+def test_expired_leases_are_lost(store: JobStore) -> None:
+    add(store)
+    job = claimed(store)
+    assert store.lose_all("lease", lease_before=time.time()) == 0
+    assert store.lose_all("lease", lease_before=time.time() + 2 * LEASE_S) == 1
+    assert claimed(store).attempt == job.attempt + 1
+
+
+def test_same_key_gives_the_same_job(store: JobStore) -> None:
+    first = store.add(new_job(), Idempotency("k", "request"))
+    assert store.add(new_job(), Idempotency("k", "request")) == first
+    assert store.add(new_job(), Idempotency("other", "request")).id != first.id
+    with pytest.raises(IdempotencyMismatchError):
+        store.add(new_job(), Idempotency("k", "another request"))
+
+
+def test_a_key_is_free_again_when_its_job_is_removed(store: JobStore) -> None:
+    first = store.add(new_job(), Idempotency("k", "request"))
+    store.cancel(first.id)
+    store.remove(first.id)
+    assert store.add(new_job(), Idempotency("k", "another request")).id != first.id
+
+
+def test_same_work_is_done_once(store: JobStore) -> None:
+    add(store, work_key="w")
+    assert add(store, work_key="w").status == "queued"
+    assert store.succeed(claimed(store), OUTCOME, "w")
+    again = add(store, work_key="w")
+    assert (again.status, again.cached, again.result_sha256) == ("succeeded", True, "result")
+    assert store.get(again.id) == again
+    assert add(store, work_key="v").status == "queued"
+
+
+def test_results_expire_before_jobs(database: Database) -> None:
+    store = open_store(database, result_s=0.2)
+    done, waiting = add(store, work_key="w"), add(store)
+    store.succeed(claimed(store), OUTCOME, "w")
+    drop_expired(database)
+    assert needed_blobs(database) == {"ab", "result", "inliers"}
+    time.sleep(0.25)
+    assert add(store, work_key="w").status == "queued"
+    drop_expired(database)
+    row = store.get(done.id)
+    assert row is not None
+    assert (row.status, row.result_sha256) == ("succeeded", None)
+    time.sleep(0.2)
+    drop_expired(database)
+    assert store.get(done.id) is None
+    assert store.get(waiting.id) == waiting
+    assert needed_blobs(database) == {"ab"}
+
+
+def test_every_change_is_an_event(store: JobStore) -> None:
+    job = add(store)
+    attempt = claimed(store)
+    store.progress(attempt, "search", 0.5)
+    store.succeed(attempt, OUTCOME, None)
+    seen = [(e.number, e.status, e.stage) for e in store.events(job.id, after=0)]
+    assert seen == [
+        (1, "queued", "queued"),
+        (2, "running", "queued"),
+        (3, "running", "search"),
+        (4, "succeeded", "finished"),
+    ]
+    assert [event.number for event in store.events(job.id, after=2)] == [3, 4]
+    store.remove(job.id)
+    assert store.events(job.id, after=0) == []
+
+
+def test_a_store_of_a_later_release_is_refused(database: Database, url: str) -> None:
+    with database.write() as connection:
         connection.execute(update(schema_version).values(version=99))
     with pytest.raises(RuntimeError, match="version 99"):
-        JobStore(url, queue_limit=1)
+        Database(url)

@@ -1,0 +1,32 @@
+"""Idempotency keys whose first request has not been answered yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from service.problems import IdempotencyInFlightError
+
+
+class KeysInFlight:
+    """Belongs to one event loop; the keys of answered requests are in the store."""
+
+    def __init__(self) -> None:
+        self._keys: set[str] = set()
+
+    @contextmanager
+    def hold(self, key: str | None) -> Iterator[None]:
+        """Keep the key while its request is under way; IdempotencyInFlightError when it is kept."""
+        if key is None:
+            yield
+            return
+        if key in self._keys:
+            raise IdempotencyInFlightError(
+                "The first request under this Idempotency-Key is under way; ask again later.",
+                headers={"Retry-After": "1"},
+            )
+        self._keys.add(key)
+        try:
+            yield
+        finally:
+            self._keys.discard(key)

@@ -1,0 +1,98 @@
+"""Accepting a job: said twice, known already, or one too many?"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, replace
+
+from sqlalchemy import Connection, and_, insert, select
+
+from service.jobs.job import JobRow, Retention
+from service.jobs.rows import count_jobs, find_job, record_event
+from service.jobs.tables import idempotency_keys, jobs
+from service.problems import IdempotencyMismatchError, QueueFullError
+
+RETRY_AFTER_FULL_S = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Idempotency:
+    """The caller's key, and the hash of what was asked for under it."""
+
+    key: str
+    fingerprint: str
+
+
+def accept(
+    connection: Connection,
+    job: JobRow,
+    idempotency: Idempotency | None,
+    *,
+    queue_limit: int,
+    retention: Retention,
+) -> JobRow:
+    """Insert the job, or find the one that it repeats; see JobStore.add."""
+    if idempotency is not None:
+        former = _replayed(connection, idempotency)
+        if former is not None:
+            return former
+    job = _with_known_result(connection, job, retention)
+    if job.status == "queued":
+        check_room(count_jobs(connection, "queued"), queue_limit)
+    connection.execute(insert(jobs).values(**asdict(job)))
+    record_event(connection, job.id)
+    if idempotency is not None:
+        row = {**asdict(idempotency), "job_id": job.id}
+        connection.execute(insert(idempotency_keys).values(**row))
+    return job
+
+
+def check_room(waiting: int, limit: int) -> None:
+    """QueueFullError when as many jobs wait as may wait."""
+    if waiting >= limit:
+        raise QueueFullError(
+            f"{waiting} registrations wait already, no more may; try again later.",
+            headers={"Retry-After": str(RETRY_AFTER_FULL_S)},
+            members={"queued": waiting},
+        )
+
+
+def _replayed(connection: Connection, idempotency: Idempotency) -> JobRow | None:
+    known = idempotency_keys.c.key == idempotency.key
+    former = connection.execute(select(idempotency_keys).where(known)).one_or_none()
+    if former is None:
+        return None
+    if former.fingerprint != idempotency.fingerprint:
+        raise IdempotencyMismatchError(
+            "Another request was made under this Idempotency-Key; use a new key."
+        )
+    return find_job(connection, former.job_id)
+
+
+def _with_known_result(connection: Connection, job: JobRow, retention: Retention) -> JobRow:
+    """The job, ended with the result of the same work if that is still kept."""
+    now = time.time()
+    known = and_(
+        jobs.c.work_key == job.work_key,
+        jobs.c.status == "succeeded",
+        jobs.c.result_expires_at > now,
+    )
+    query = select(jobs).where(known).order_by(jobs.c.finished_at.desc()).limit(1)
+    row = connection.execute(query).one_or_none() if job.work_key else None
+    if row is None:
+        return job
+    return replace(
+        job,
+        status="succeeded",
+        cached=True,
+        started_at=now,
+        finished_at=now,
+        stage="finished",
+        fraction=1.0,
+        timing={"queued_s": 0.0, "total_s": now - job.created_at},
+        warnings=row.warnings,
+        result_sha256=row.result_sha256,
+        inliers_sha256=row.inliers_sha256,
+        result_expires_at=now + retention.result_s,
+        expires_at=now + retention.job_s,
+    )

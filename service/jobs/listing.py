@@ -1,0 +1,50 @@
+"""Which jobs a list shows, and in which order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import ColumnElement, Select, and_, or_, select
+
+from service.jobs.tables import jobs
+
+Place = tuple[float, str]
+"""created_at and id of a job: where a page ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """Which jobs a list shows; None: all."""
+
+    status: str | None = None
+    label: tuple[str, str] | None = None
+    created_after: float | None = None
+    created_before: float | None = None
+
+
+EVERYTHING = Filter()
+
+
+def newest_first(only: Filter, *, before: Place | None, limit: int) -> Select[Any]:
+    """The query for a page of jobs."""
+    query = select(jobs).order_by(jobs.c.created_at.desc(), jobs.c.id.desc()).limit(limit)
+    if before is not None:
+        created_at, job_id = before
+        same_time = and_(jobs.c.created_at == created_at, jobs.c.id < job_id)
+        query = query.where(or_(jobs.c.created_at < created_at, same_time))
+    return query.where(*_conditions(only))
+
+
+def _conditions(only: Filter) -> list[ColumnElement[bool]]:
+    conditions: list[ColumnElement[bool]] = []
+    if only.status is not None:
+        conditions.append(jobs.c.status == only.status)
+    if only.label is not None:
+        name, value = only.label
+        conditions.append(jobs.c.labels[name].as_string() == value)
+    if only.created_after is not None:
+        conditions.append(jobs.c.created_at > only.created_after)
+    if only.created_before is not None:
+        conditions.append(jobs.c.created_at < only.created_before)
+    return conditions

@@ -1,0 +1,67 @@
+"""/v1/registrations/{id}/events: what happens to a registration, as it happens."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Header
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from starlette.concurrency import run_in_threadpool
+
+from service.dependencies import CurrentService, KnownJob
+from service.jobs.job import JobEvent, is_terminal
+from service.schemas import Event
+from service.waiting import LOOK_EVERY_S
+
+router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
+
+
+@router.get(
+    "/{job_id}/events",
+    operation_id="streamEvents",
+    summary="Follow a registration",
+    response_class=EventSourceResponse,
+)
+async def events(
+    job: KnownJob,
+    service: CurrentService,
+    last_event_id: Annotated[
+        int, Header(ge=0, description="Number of the last event that was received.")
+    ] = 0,
+) -> AsyncIterator[ServerSentEvent]:
+    """Server-sent events, one for each change, from the first or from after `Last-Event-ID`.
+
+    The stream ends with the registration. The data of an event is an `Event`.
+    """
+    last = last_event_id
+    with service.changes.watch(job.id) as changed:
+        while True:
+            changed.clear()
+            news = await run_in_threadpool(service.store.events, job.id, after=last)
+            for event in news:
+                last = event.number
+                yield ServerSentEvent(id=str(last), event="progress", data=_data(event))
+                if is_terminal(event.status):
+                    return
+            if not news and await run_in_threadpool(_is_over, service, job.id):
+                return  # removed, or the service stops: the client comes back with Last-Event-ID
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(changed.wait(), LOOK_EVERY_S)
+
+
+def _is_over(service: CurrentService, job_id: str) -> bool:
+    job = service.store.get(job_id)
+    return job is None or is_terminal(job.status) or service.queue.is_stopped
+
+
+def _data(event: JobEvent) -> Event:
+    return Event(
+        at=datetime.fromtimestamp(event.at, UTC),
+        status=event.status,
+        stage=event.stage,
+        fraction=event.fraction,
+    )

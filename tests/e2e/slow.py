@@ -1,0 +1,12 @@
+"""Work that keeps a worker busy in native code until it is stopped."""
+
+from __future__ import annotations
+
+from tests.e2e.scans import arms, as_npy
+
+SLOW = '{"method": "mpe", "max_iterations": 10000}'
+
+
+def slow_pair() -> tuple[bytes, bytes]:
+    """Two clouds whose exact double sums take a worker minutes."""
+    return as_npy(arms(1, 60_000)), as_npy(arms(2, 60_000))

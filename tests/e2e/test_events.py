@@ -1,0 +1,69 @@
+"""The event stream of a registration."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+
+from tests.e2e.scans import arms, as_npy
+from tests.e2e.slow import SLOW, slow_pair
+from tests.server import Server, finished
+
+CLOUD = as_npy(arms(2, 5000))
+STAGES = ["queued", "decode", "prepare", "search", "refine", "inliers", "finished"]
+
+
+def follow(client: httpx.Client, job_id: str, last: int | None = None) -> Iterator[dict[str, Any]]:
+    """Events as (number and data), until the stream ends."""
+    headers = {} if last is None else {"Last-Event-ID": str(last)}
+    with client.stream("GET", f"/v1/registrations/{job_id}/events", headers=headers) as response:
+        assert response.headers["Content-Type"].startswith("text/event-stream")
+        event: dict[str, Any] = {}
+        for line in response.iter_lines():
+            name, _, value = line.partition(": ")
+            if name == "id":
+                event["number"] = int(value)
+            elif name == "data":
+                event |= json.loads(value)
+            elif line == "" and event:
+                yield event
+                event = {}
+
+
+def test_every_stage_is_told_in_order(server: Server) -> None:
+    job = server.submit(CLOUD, CLOUD, options='{"seed": 21}').json()
+    events = list(follow(server.client, job["id"]))
+    assert [event["number"] for event in events] == list(range(1, len(events) + 1))
+    assert events[0]["status"] == "queued"
+    assert events[-1]["status"] == "succeeded"
+    seen = list(dict.fromkeys(event["stage"] for event in events))
+    assert seen == STAGES
+    fractions = [event["fraction"] for event in events]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+
+
+def test_a_stream_resumes_after_the_last_event(server: Server) -> None:
+    job = server.submit(CLOUD, CLOUD, options='{"seed": 22}', wait=30).json()
+    events = list(follow(server.client, job["id"]))
+    assert list(follow(server.client, job["id"], last=3)) == events[3:]
+    assert list(follow(server.client, job["id"], last=len(events))) == []
+
+
+def test_a_stream_tells_of_a_cancel(server: Server) -> None:
+    job = server.submit(*slow_pair(), options=SLOW).json()
+    stream = follow(server.client, job["id"])
+    assert next(stream)["status"] == "queued"
+    with httpx.Client(base_url=server.url, trust_env=False) as other:
+        other.delete(f"/v1/registrations/{job['id']}")
+    assert list(stream)[-1]["status"] == "cancelled"
+    assert finished(server.client, job["id"])["status"] == "cancelled"
+
+
+def test_unknown_registration_has_no_stream(server: Server) -> None:
+    response = server.client.get("/v1/registrations/nobody/events")
+    assert response.status_code == 404
+    assert response.headers["Content-Type"] == "application/problem+json"

@@ -1,0 +1,177 @@
+"""Cancel, timeout and memory limit end the worker at once; the service lives on."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import httpx
+import numpy as np
+import psutil
+import pytest
+
+from tests.e2e.scans import arms, as_npy
+from tests.e2e.slow import SLOW, slow_pair
+from tests.e2e.test_events import follow
+from tests.server import Server, finished, running_server
+
+GOOD = as_npy(arms(1))
+
+
+def forkserver(server: Server) -> psutil.Process:
+    children = psutil.Process(server.pid).children()
+    return next(child for child in children if "forkserver" in " ".join(child.cmdline()))
+
+
+def workers(server: Server) -> list[psutil.Process]:
+    return forkserver(server).children(recursive=True)
+
+
+def assert_gone(server: Server, within_s: float = 1.0) -> None:
+    """No worker runs, and none left a file behind."""
+    deadline = time.monotonic() + within_s
+    while workers(server) or list((server.data_dir / "scratch").iterdir()):
+        assert time.monotonic() < deadline, "a worker or its scratch files are still there"
+        time.sleep(0.02)
+
+
+def assert_works(server: Server) -> None:
+    seed = f'{{"seed": {time.monotonic_ns() % 10**9}}}'
+    assert server.submit(GOOD, GOOD, wait=30, options=seed).json()["status"] == "succeeded"
+
+
+class Drip(BaseHTTPRequestHandler):
+    """A file that never ends coming."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.end_headers()
+        for _ in range(600):
+            try:
+                self.wfile.write(b"0")
+            except OSError:
+                return
+            time.sleep(0.1)
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    directory = tmp_path_factory.mktemp("kills")
+    with running_server(directory, url_hosts="127.0.0.1") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def drip() -> Iterator[str]:
+    with ThreadingHTTPServer(("127.0.0.1", 0), Drip) as files:
+        threading.Thread(target=files.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{files.server_port}/drip"
+        files.shutdown()
+
+
+def big_text(rows: int) -> bytes:
+    text = io.StringIO()
+    np.savetxt(text, arms(3, rows), fmt="%.6f")
+    return text.getvalue().encode()
+
+
+def cancel_in(server: Server, job_id: str, stage: str) -> None:
+    """DELETE as soon as the stage is seen."""
+    for event in follow(server.client, job_id):
+        if event["stage"] == stage:
+            break
+        assert event["stage"] != "finished", f"{stage} was never seen"
+    with httpx.Client(base_url=server.url, trust_env=False) as other:
+        answer = other.delete(f"/v1/registrations/{job_id}")
+    assert answer.json()["status"] == "cancelled"
+    assert_gone(server)
+    assert server.client.get(f"/v1/registrations/{job_id}").json()["status"] == "cancelled"
+
+
+def test_cancel_while_fetching(server: Server, drip: str) -> None:
+    urls = {"source": {"url": drip}, "target": {"url": drip}}
+    job = server.client.post("/v1/registrations", json=urls).json()
+    cancel_in(server, job["id"], "fetch")
+    assert_works(server)
+
+
+def test_cancel_while_decoding(server: Server) -> None:
+    job = server.submit(big_text(400_000), GOOD).json()
+    cancel_in(server, job["id"], "decode")
+    assert_works(server)
+
+
+@pytest.mark.parametrize("stage", ["prepare", "search", "refine", "inliers"])
+def test_cancel_while_registering(server: Server, stage: str) -> None:
+    cloud = as_npy(arms(4, 150_000))
+    job = server.submit(cloud, cloud).json()
+    cancel_in(server, job["id"], stage)
+    assert_works(server)
+
+
+def test_cancel_in_native_code(server: Server) -> None:
+    job = server.submit(*slow_pair(), options=SLOW).json()
+    time.sleep(1.5)
+    assert workers(server)
+    started = time.monotonic()
+    assert server.client.delete(f"/v1/registrations/{job['id']}").json()["status"] == "cancelled"
+    assert_gone(server)
+    assert time.monotonic() - started < 1.0
+    assert_works(server)
+
+
+def test_timeout_in_native_code(tmp_path: Path) -> None:
+    with running_server(tmp_path, job_timeout_s=1.5) as server:
+        job = server.submit(*slow_pair(), options=SLOW, wait=20).json()
+        assert job["status"] == "failed"
+        assert job["error"]["type"] == "urn:mpe:problem:job-timeout"
+        assert "1.5 s" in job["error"]["detail"]
+        assert 1.5 <= job["timing"]["total_s"] < 4
+        assert_gone(server)
+        assert_works(server)
+
+
+def test_memory_limit(tmp_path: Path) -> None:
+    with running_server(tmp_path, job_memory_bytes=700 * 2**20) as server:
+        cloud = as_npy(arms(5, 8_000_000))
+        job = server.submit(cloud, cloud, wait=50).json()
+        assert job["status"] == "failed", job
+        assert job["error"]["type"] == "urn:mpe:problem:job-memory"
+        assert "700 MiB" in job["error"]["detail"]
+        assert_gone(server)
+        assert_works(server)
+
+
+def test_a_killed_worker_is_replaced_three_times(server: Server) -> None:
+    job = server.submit(*slow_pair(), options=SLOW).json()
+    for attempt in (1, 2, 3):
+        while server.client.get(f"/v1/registrations/{job['id']}").json()["attempt"] < attempt:
+            time.sleep(0.02)
+        while not workers(server):
+            time.sleep(0.02)
+        os.kill(workers(server)[0].pid, signal.SIGKILL)
+    ended = finished(server.client, job["id"])
+    assert ended["status"] == "failed"
+    assert ended["error"]["type"] == "urn:mpe:problem:worker-lost"
+    assert "SIGKILL" in ended["error"]["detail"]
+    assert_works(server)
+
+
+def test_a_killed_forkserver_is_replaced(server: Server) -> None:
+    job = server.submit(*slow_pair(), options=SLOW).json()
+    while not workers(server):
+        time.sleep(0.02)
+    (orphan,) = workers(server)
+    forkserver(server).kill()
+    orphan.wait(timeout=2)
+    server.client.delete(f"/v1/registrations/{job['id']}")
+    assert_works(server)

@@ -1,0 +1,98 @@
+"""What happens to jobs when the service stops, well or badly."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import psutil
+import pytest
+
+from tests.e2e.scans import arms, as_npy
+from tests.e2e.slow import SLOW, slow_pair
+from tests.e2e.test_kills import forkserver, workers
+from tests.server import Server, finished, running_server
+
+CLOUD = as_npy(arms(1))
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    with running_server(tmp_path, workers=1, shutdown_grace_s=3) as running:
+        yield running
+
+
+def test_killed_with_jobs_running_and_waiting(server: Server) -> None:
+    running = server.submit(*slow_pair(), options=SLOW).json()
+    waiting = [
+        server.submit(CLOUD, CLOUD, options=f'{{"seed": {seed}}}').json() for seed in range(3)
+    ]
+    while not workers(server):
+        time.sleep(0.02)
+    family = [forkserver(server), *workers(server)]
+    server.kill()
+    _, alive = psutil.wait_procs(family, timeout=3)
+    assert not alive, "a process outlived the service"
+    server.start()
+    again = server.client.get(f"/v1/registrations/{running['id']}").json()
+    assert again["status"] in ("queued", "running")
+    server.client.delete(f"/v1/registrations/{running['id']}")
+    for job in waiting:
+        assert finished(server.client, job["id"])["status"] == "succeeded"
+
+
+def test_terminated_while_busy(server: Server) -> None:
+    """It answers but takes nothing on, hands back what does not end, and goes on after a start."""
+    job = server.submit(*slow_pair(), options=SLOW).json()
+    while not workers(server):
+        time.sleep(0.02)
+    server.terminate()
+    time.sleep(0.3)
+    assert server.client.get("/livez").status_code == 200
+    assert server.client.get("/readyz").status_code == 503
+    refused = server.submit(CLOUD, CLOUD)
+    assert refused.status_code == 503
+    assert refused.json()["type"] == "urn:mpe:problem:not-ready"
+    server.wait()
+    server.start()
+    again = server.client.get(f"/v1/registrations/{job['id']}").json()
+    assert again["status"] in ("queued", "running")
+    while again["status"] == "queued":
+        again = server.client.get(f"/v1/registrations/{job['id']}").json()
+    assert again["attempt"] == 2
+    server.client.delete(f"/v1/registrations/{job['id']}")
+
+
+def test_terminated_with_a_job_that_ends_in_time(server: Server) -> None:
+    cloud = as_npy(arms(6, 5_000))
+    job = server.submit(cloud, cloud).json()
+    while not workers(server):
+        time.sleep(0.005)
+    server.stop()
+    server.start()
+    assert server.client.get(f"/v1/registrations/{job['id']}").json()["attempt"] == 1
+
+
+def test_a_data_directory_has_one_service(server: Server) -> None:
+    second = Server(server.data_dir)
+    with pytest.raises(AssertionError, match="another service already uses"):
+        second.start()
+    assert server.client.get("/readyz").status_code == 200
+    second.client.close()
+
+
+def test_a_wait_at_the_stop_is_answered(server: Server) -> None:
+    job = server.submit(*slow_pair(), options=SLOW).json()
+    waited: list[httpx.Response] = []
+    url, patience = f"/v1/registrations/{job['id']}", {"Prefer": "wait=50"}
+    waiter = threading.Thread(
+        target=lambda: waited.append(server.client.get(url, headers=patience))
+    )
+    waiter.start()
+    time.sleep(0.5)
+    server.stop()
+    waiter.join()
+    assert waited[0].json()["status"] == "queued"
