@@ -1,0 +1,36 @@
+# The service as an image: non-root, read-only root file system, one data volume.
+
+FROM python:3.11-slim-bookworm AS build
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+RUN python -m venv /opt/mpe
+COPY requirements.lock /build/
+RUN /opt/mpe/bin/pip install --quiet --require-hashes -r /build/requirements.lock
+COPY pyproject.toml README.md LICENSE /build/
+COPY mpe_core /build/mpe_core
+COPY service /build/service
+RUN /opt/mpe/bin/pip install --quiet --no-deps /build && /opt/mpe/bin/pip check
+
+FROM python:3.11-slim-bookworm
+RUN apt-get update -qq \
+    && apt-get install -qq -y --no-install-recommends tini >/dev/null \
+    && rm -rf /var/lib/apt/lists/*
+COPY --from=build /opt/mpe /opt/mpe
+
+# Kernels compiled for the processor of the machine that builds. On another kind the service compiles
+# them again before it is ready, in seconds; docs/deployment.md says why there is no common baseline.
+RUN NUMBA_CACHE_DIR=/opt/mpe/kernels /opt/mpe/bin/python -c "from mpe_core import register"
+
+RUN useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin mpe \
+    && install -d -o mpe -g mpe /data
+ENV PATH=/opt/mpe/bin:${PATH} PYTHONDONTWRITEBYTECODE=1 PYTHONUNBUFFERED=1 \
+    MPE_DATA_DIR=/data NUMBA_CACHE_DIR=/tmp/kernels
+USER 10001:10001
+WORKDIR /data
+VOLUME /data
+EXPOSE 8000
+HEALTHCHECK --interval=10s --timeout=5s --start-period=30s --retries=3 \
+    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
+
+# Numba wants to be able to write where its cache is, even if it never does: hence the copy in /tmp.
+ENTRYPOINT ["tini", "--"]
+CMD ["sh", "-c", "cp -r /opt/mpe/kernels /tmp/ && exec mpe serve --host 0.0.0.0 --port 8000"]
