@@ -11,9 +11,11 @@ from pathlib import Path
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
 from service.jobs.database import Database
+from service.jobs.deliveries import DeliveryStore
 from service.jobs.job import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
+from service.jobs.webhooks import Webhooks
 from service.settings import Settings
 from service.storage import BlobStore
 from service.upkeep import Upkeep
@@ -28,6 +30,7 @@ class Service:
     store: JobStore
     queue: Queue
     changes: Changes
+    deliveries: DeliveryStore
     keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
 
 
@@ -45,9 +48,13 @@ def running_service(settings: Settings) -> Iterator[Service]:
         upkeep = Upkeep(settings, database, store, blobs, changes.announce)
         queue.start()
         upkeep.start()
+        deliveries = DeliveryStore(database)
+        webhooks = Webhooks(store, deliveries, settings)
+        webhooks.start()
         try:
-            yield Service(settings, blobs, store, queue, changes)
+            yield Service(settings, blobs, store, queue, changes, deliveries)
         finally:
+            webhooks.stop()
             upkeep.stop()
             queue.stop(grace_s=0)
             database.close()

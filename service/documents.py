@@ -30,6 +30,7 @@ def summary(job: JobRow) -> JobSummary:
         labels=job.labels,
         priority=job.priority,
         deadline_at=_time_or_none(job.deadline_at),
+        callback_url=job.callback_url,
         cached=job.cached,
         result_expires_at=_time_or_none(job.result_expires_at),
         expires_at=_time_or_none(job.expires_at),

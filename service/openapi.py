@@ -62,7 +62,8 @@ def _form(parameters: dict[str, Any]) -> dict[str, Any]:
     return {
         "type": "object",
         "title": "RegistrationForm",
-        "description": "A registration of two uploaded files; fields that are no file are JSON.",
+        "description": "A registration of two uploaded files; other fields are JSON, but "
+        "callback_url, which is plain text.",
         "required": ["source", "target"],
         "additionalProperties": False,
         "properties": {

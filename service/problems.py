@@ -54,8 +54,8 @@ class ResultNotReadyError(ServiceError):
     """The registration has not succeeded, so there is no result to fetch."""
 
 
-class FetchingDisabledError(ServiceError):
-    """A URL was given, but no host may be fetched from, or not this one."""
+class AddressRefusedError(ServiceError):
+    """A URL was given, but no host may be called, or not this one."""
 
 
 class FetchError(ServiceError):
@@ -72,6 +72,10 @@ class IdempotencyMismatchError(ServiceError):
 
 class IdempotencyInFlightError(ServiceError):
     """The first request under the same Idempotency-Key is still being read."""
+
+
+class NoDeliveryError(ServiceError):
+    """The registration has not ended, or was given no callback_url."""
 
 
 class ExpiredError(ServiceError):
@@ -123,7 +127,7 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
         404, "unknown-registration", "There is no such registration"
     ),
     ResultNotReadyError: ProblemType(409, "result-not-ready", "There is no result"),
-    FetchingDisabledError: ProblemType(403, "fetching-disabled", "The URL may not be fetched"),
+    AddressRefusedError: ProblemType(403, "address-refused", "The URL may not be called"),
     FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),
     QueueFullError: ProblemType(429, "queue-full", "The queue is full"),
     IdempotencyMismatchError: ProblemType(
@@ -132,6 +136,7 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     IdempotencyInFlightError: ProblemType(
         409, "idempotency-in-flight", "The first request under this key is still in flight"
     ),
+    NoDeliveryError: ProblemType(409, "no-delivery", "There is nothing to deliver"),
     ExpiredError: ProblemType(410, "expired", "The result has expired"),
     OverloadedError: ProblemType(503, "overloaded", "The service is short of disk or memory"),
     DeadlineError: ProblemType(504, "deadline-passed", "The deadline passed"),

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, HttpUrl, StringConstraints
 
+from service.jobs.deliveries import DeliveryStatus
 from service.jobs.job import JobStatus
 from service.options import Options, StrictModel
 
@@ -51,6 +52,11 @@ class RegistrationParameters(StrictModel):
     )
     deadline_s: float | None = Field(
         None, gt=0, le=604_800, description="Give up after this long from now, in seconds."
+    )
+    callback_url: Annotated[HttpUrl, Field(strict=False)] | None = Field(
+        None,
+        description="Called with a signed POST when the registration has ended; http or https, on "
+        "a host that MPE_WEBHOOK_HOSTS names.",
     )
 
 
@@ -180,6 +186,7 @@ class JobSummary(Document):
     labels: dict[str, str] = Field(description="As the caller gave them.")
     priority: int = Field(description="As the caller gave it.")
     deadline_at: datetime | None = Field(description="When it is given up (UTC).")
+    callback_url: str | None = Field(description="As the caller gave it.")
     cached: bool = Field(description="Whether the result is that of the same work done before.")
     result_expires_at: datetime | None = Field(
         description="When result and clouds are dropped (UTC); known once it has ended."
@@ -212,6 +219,30 @@ class InlierList(Document):
     threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
     pairs: list[Pair] = Field(description="[source index, target index] of each pair.")
     distances: list[float] = Field(description="Distance of each pair, in the input's unit.")
+
+
+class Try(Document):
+    """One call."""
+
+    at: datetime = Field(description="When it was made (UTC).")
+    status_code: int | None = Field(description="HTTP status of the answer; null: none came.")
+    error: str | None = Field(description="Why no answer came.")
+
+
+class Delivery(Document):
+    """A message to the callback_url of a registration."""
+
+    id: str = Field(description="Name of the message; the same in each try (Webhook-Id).")
+    status: DeliveryStatus
+    created_at: datetime = Field(description="When it was planned (UTC).")
+    next_at: datetime | None = Field(description="When it is tried next (UTC).")
+    tries: list[Try]
+
+
+class DeliveryList(Document):
+    """The messages of a registration, oldest first."""
+
+    items: list[Delivery]
 
 
 class Capacity(Document):

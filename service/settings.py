@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MEBIBYTE = 2**20
@@ -98,7 +98,19 @@ class Settings(BaseSettings):
         default=60, gt=0, description="Seconds within which a cloud must have been fetched."
     )
 
-    @field_validator("url_hosts", mode="before")
+    webhook_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Hosts, comma-separated, that `callback_url` may name; empty: no callbacks.",
+    )
+    webhook_secret: SecretStr | None = Field(
+        default=None, description="Secret that callbacks are signed with; needed for them."
+    )
+    webhook_retry_s: float = Field(
+        default=5, gt=0, description="Seconds before a callback is tried again; then doubled."
+    )
+    webhook_tries: int = Field(default=12, ge=1, description="Most tries of one callback.")
+
+    @field_validator("url_hosts", "webhook_hosts", mode="before")
     @classmethod
     def _split_hosts(cls, value: object) -> object:
         if isinstance(value, str):
@@ -113,6 +125,12 @@ class Settings(BaseSettings):
                 f"MPE_WORKERS={self.workers} times MPE_THREADS_PER_WORKER="
                 f"{self.threads_per_worker} exceeds the {cores} cores; lower one of them"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _sign_callbacks(self) -> Settings:
+        if self.webhook_hosts and self.webhook_secret is None:
+            raise ValueError("MPE_WEBHOOK_HOSTS allows callbacks: set MPE_WEBHOOK_SECRET too")
         return self
 
     @property

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from service.problems import FetchError, FetchingDisabledError
+from service.problems import AddressRefusedError, FetchError
 from service.settings import Settings
 from service.storage import Blob, BlobStore
 
@@ -30,22 +30,23 @@ class FetchRules:
         return cls(settings.url_hosts, settings.max_body_bytes, settings.url_timeout_s)
 
 
-def check_url(url: str, rules: FetchRules) -> None:
-    """FetchingDisabledError unless the URL is http(s), without userinfo, on an allowed host."""
+def check_address(url: str, hosts: tuple[str, ...], variable: str) -> None:
+    """AddressRefusedError unless the URL is http(s), without userinfo, on one of the hosts.
+
+    `variable` is the setting that names the hosts.
+    """
     parts = urlsplit(url)
-    if not rules.hosts:
-        raise FetchingDisabledError(
-            "This service fetches no URLs (MPE_URL_HOSTS names no host); upload the files instead."
-        )
+    if not hosts:
+        raise AddressRefusedError(f"This service calls no URLs: {variable} names no host.")
     if parts.scheme not in ("http", "https") or parts.username is not None:
-        raise FetchingDisabledError("A URL must be http or https and name no user.")
-    if (parts.hostname or "").lower() not in rules.hosts:
-        raise FetchingDisabledError("This service does not fetch from that host.")
+        raise AddressRefusedError("A URL must be http or https and name no user.")
+    if (parts.hostname or "").lower() not in hosts:
+        raise AddressRefusedError(f"{variable} does not name that host.")
 
 
 def fetch(url: str, rules: FetchRules, blobs: BlobStore) -> Blob:
     """Store what the URL answers; FetchError says why it could not be had."""
-    check_url(url, rules)
+    check_address(url, rules.hosts, "MPE_URL_HOSTS")
     try:
         return _stream(url, rules, blobs)
     except httpx.TimeoutException as error:

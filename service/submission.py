@@ -18,7 +18,8 @@ from service.jobs.job import CloudInput
 from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.schemas import RegistrationParameters, RegistrationRequest, UrlReference
-from service.sources import FetchRules, check_url
+from service.settings import Settings
+from service.sources import check_address
 from service.storage import Blob, BlobStore
 
 _FORMATS = ", ".join(format.name for format in FORMATS)
@@ -36,7 +37,9 @@ class Submission:
 
     def fingerprint(self) -> str:
         """Hash of all that was asked for."""
-        said = self.parameters.model_dump(include=set(RegistrationParameters.model_fields))
+        said = self.parameters.model_dump(
+            mode="json", include=set(RegistrationParameters.model_fields)
+        )
         return fingerprint([asdict(self.source), asdict(self.target), said])
 
 
@@ -46,14 +49,19 @@ async def read_submission(request: Request, service: Service) -> Submission:
     if content_type == "multipart/form-data":
         limit = service.settings.max_body_bytes
         form = await read_multipart(request, service.blobs, limit)
-        return await run_in_threadpool(_from_form, form, service.blobs)
-    if content_type == "application/json":
-        return _from_json(await read_text(request), FetchRules.of(service.settings))
-    raise UnsupportedContentTypeError(
-        "Send multipart/form-data with the files source and target, or application/json with "
-        "their URLs.",
-        headers={"Accept-Post": "multipart/form-data, application/json"},
-    )
+        submission = await run_in_threadpool(_from_form, form, service.blobs)
+    elif content_type == "application/json":
+        submission = _from_json(await read_text(request), service.settings)
+    else:
+        raise UnsupportedContentTypeError(
+            "Send multipart/form-data with the files source and target, or application/json with "
+            "their URLs.",
+            headers={"Accept-Post": "multipart/form-data, application/json"},
+        )
+    if submission.parameters.callback_url is not None:
+        callback = str(submission.parameters.callback_url)
+        check_address(callback, service.settings.webhook_hosts, "MPE_WEBHOOK_HOSTS")
+    return submission
 
 
 def _from_form(form: dict[str, Blob | str], blobs: BlobStore) -> Submission:
@@ -84,6 +92,8 @@ def _uploaded(role: str, field: Blob | str | None, blobs: BlobStore) -> CloudInp
 
 
 def _parsed(name: str, text: str) -> Any:
+    if name == "callback_url":
+        return text
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -91,7 +101,7 @@ def _parsed(name: str, text: str) -> Any:
         raise InvalidRequestError(f"{where}: expected JSON.") from None
 
 
-def _from_json(body: bytes, rules: FetchRules) -> Submission:
+def _from_json(body: bytes, settings: Settings) -> Submission:
     try:
         wanted = RegistrationRequest.model_validate_json(body)
     except ValidationError as error:
@@ -99,13 +109,13 @@ def _from_json(body: bytes, rules: FetchRules) -> Submission:
             raise MalformedBodyError("The body is not JSON.") from None
         raise invalid_request(error) from None
     return Submission(
-        source=_linked(wanted.source, rules),
-        target=_linked(wanted.target, rules),
+        source=_linked(wanted.source, settings),
+        target=_linked(wanted.target, settings),
         parameters=wanted,
     )
 
 
-def _linked(reference: UrlReference, rules: FetchRules) -> CloudInput:
+def _linked(reference: UrlReference, settings: Settings) -> CloudInput:
     url = str(reference.url)
-    check_url(url, rules)
+    check_address(url, settings.url_hosts, "MPE_URL_HOSTS")
     return CloudInput(url=url)

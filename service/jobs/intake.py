@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from sqlalchemy import Connection, and_, insert, select
 
 from service.jobs.job import JobRow, Retention
-from service.jobs.rows import count_jobs, find_job, record_event
+from service.jobs.rows import count_jobs, find_job, record_change
 from service.jobs.tables import idempotency_keys, jobs
 from service.problems import IdempotencyMismatchError, QueueFullError
 
@@ -40,7 +40,7 @@ def accept(
     if job.status == "queued":
         check_room(count_jobs(connection, "queued"), queue_limit)
     connection.execute(insert(jobs).values(**asdict(job)))
-    record_event(connection, job.id)
+    record_change(connection, job.id)
     if idempotency is not None:
         row = {**asdict(idempotency), "job_id": job.id}
         connection.execute(insert(idempotency_keys).values(**row))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from typing import Any
+from uuid import uuid4
 
-from sqlalchemy import Connection, Row, func, insert, literal, select
+from sqlalchemy import Connection, Row, Select, and_, func, insert, literal, select
 
-from service.jobs.job import CloudInput, JobRow
-from service.jobs.tables import events, jobs
+from service.jobs.job import ENDED, CloudInput, JobRow
+from service.jobs.tables import deliveries, events, jobs
 
 
 def job_of(row: Row[Any]) -> JobRow:
@@ -31,8 +32,8 @@ def count_jobs(connection: Connection, status: str) -> int:
     return connection.scalar(query) or 0
 
 
-def record_event(connection: Connection, job_id: str) -> None:
-    """Append the job, as it is now, to its events."""
+def record_change(connection: Connection, job_id: str) -> None:
+    """Append the job, as it is now, to its events; plan the call that tells of its end."""
     last = select(func.coalesce(func.max(events.c.number), 0)).where(events.c.job_id == job_id)
     now = select(
         jobs.c.id,
@@ -43,3 +44,16 @@ def record_event(connection: Connection, job_id: str) -> None:
         jobs.c.fraction,
     ).where(jobs.c.id == job_id)
     connection.execute(insert(events).from_select(list(events.c), now))
+    ended = and_(jobs.c.id == job_id, jobs.c.status.in_(ENDED), jobs.c.callback_url.is_not(None))
+    plan_delivery(connection, select(jobs.c.id).where(ended))
+
+
+def plan_delivery(connection: Connection, which: Select[tuple[str]]) -> str | None:
+    """A call to the callback of the job that the query finds, due now; its id, if there is one."""
+    job_id = connection.scalar(which)
+    if job_id is None:
+        return None
+    delivery_id, now = str(uuid4()), time.time()
+    row = {"id": delivery_id, "job_id": job_id, "status": "pending", "tries": []}
+    connection.execute(insert(deliveries).values(**row, created_at=now, next_at=now))
+    return delivery_id

@@ -12,7 +12,7 @@ from service.jobs.database import Database
 from service.jobs.intake import Idempotency, accept
 from service.jobs.job import ENDED, JobEvent, JobRow, Outcome, Retention
 from service.jobs.listing import EVERYTHING, Filter, Place, newest_first
-from service.jobs.rows import count_jobs, find_job, job_of, record_event
+from service.jobs.rows import count_jobs, find_job, job_of, record_change
 from service.jobs.tables import events, jobs
 from service.problems import DeadlineError, WorkerLostError, error_problem
 
@@ -102,7 +102,7 @@ class JobStore:
         with self._database.write() as connection:
             row = connection.execute(begin.returning(jobs)).one_or_none()
             if row is not None:
-                record_event(connection, row.id)
+                record_change(connection, row.id)
         return None if row is None else job_of(row)
 
     def heartbeat(self, job: JobRow, *, lease_s: float) -> bool:
@@ -189,7 +189,7 @@ class JobStore:
         with self._database.write() as connection:
             changed = connection.execute(update(jobs).where(which).values(**values)).rowcount == 1
             if changed:
-                record_event(connection, job_id)
+                record_change(connection, job_id)
         return changed
 
 

@@ -75,6 +75,21 @@ events = Table(
     Column("fraction", Float, nullable=False),
 )
 
+# calls to callback_url, written in the same transaction as the end that they tell of
+deliveries = Table(
+    "deliveries",
+    metadata,
+    Column("id", String, primary_key=True),
+    Column("job_id", String, ForeignKey(jobs.c.id, ondelete="CASCADE"), nullable=False),
+    Column("status", String, nullable=False),
+    Column("created_at", Float, nullable=False),
+    Column("next_at", Float),
+    # one object for each try: at, status_code, error
+    Column("tries", JSON, nullable=False),
+)
+Index("deliveries_due", deliveries.c.status, deliveries.c.next_at)
+Index("deliveries_by_job", deliveries.c.job_id)
+
 idempotency_keys = Table(
     "idempotency_keys",
     metadata,

@@ -11,7 +11,7 @@ from service.jobs.confinement import die_with_parent
 FORKSERVER = os.getpid()
 
 die_with_parent(os.getppid())
-# a worker's garbage collector would touch, and so copy, every page that it shares with this process:
+# a worker's garbage collector would touch, and so copy, every page that it shares with this one:
 # storing a result with 36,000 pairs took 0.26 s without the freeze, 0.03 s with it
 gc.collect()
 gc.freeze()

@@ -153,6 +153,7 @@ def _new_job(submission: Submission) -> JobRow:
         labels=wanted.labels,
         priority=wanted.priority,
         deadline_at=None if wanted.deadline_s is None else now + wanted.deadline_s,
+        callback_url=None if wanted.callback_url is None else str(wanted.callback_url),
         work_key=work_key(submission.source, submission.target, options),
     )
 

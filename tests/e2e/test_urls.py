@@ -107,5 +107,5 @@ def test_nothing_is_fetched_unless_a_host_is_named(server: Server, files: str) -
         "/v1/registrations", json=request(f"{files}/cloud.npy", f"{files}/cloud.npy")
     )
     assert response.status_code == 403
-    assert response.json()["type"] == "urn:mpe:problem:fetching-disabled"
+    assert response.json()["type"] == "urn:mpe:problem:address-refused"
     assert "MPE_URL_HOSTS" in response.json()["detail"]

@@ -1,0 +1,90 @@
+"""Calls to a caller's URL, planned with the end of its job and kept until they come through."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from sqlalchemy import Row, and_, select, update
+
+from service.jobs.database import Database
+from service.jobs.job import ENDED
+from service.jobs.rows import plan_delivery
+from service.jobs.tables import deliveries, jobs
+
+DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """One message, and each try to bring it; times in seconds since the epoch, UTC."""
+
+    id: str
+    job_id: str
+    status: DeliveryStatus
+    created_at: float
+    next_at: float | None
+    tries: list[dict[str, Any]]
+
+
+class DeliveryStore:
+    """Deliveries in the database."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def of_job(self, job_id: str) -> list[Delivery]:
+        """The job's deliveries, oldest first."""
+        query = select(deliveries).where(deliveries.c.job_id == job_id)
+        with self._database.read() as connection:
+            rows = connection.execute(query.order_by(deliveries.c.created_at))
+            return [_delivery(row) for row in rows]
+
+    def replay(self, job_id: str) -> str | None:
+        """Plan the message once more; None when the job has not ended or has no callback."""
+        ended = and_(jobs.c.status.in_(ENDED), jobs.c.callback_url.is_not(None))
+        with self._database.write() as connection:
+            return plan_delivery(connection, select(jobs.c.id).where(jobs.c.id == job_id, ended))
+
+    def claim(self) -> Delivery | None:
+        """Take the delivery that is due longest; None when none is due."""
+        due = and_(deliveries.c.status == "pending", deliveries.c.next_at <= time.time())
+        first = (
+            select(deliveries.c.id)
+            .where(due)
+            .order_by(deliveries.c.next_at)
+            .limit(1)
+            .with_for_update(skip_locked=True)
+            .scalar_subquery()
+        )
+        take = update(deliveries).where(deliveries.c.id == first).values(status="sending")
+        with self._database.read() as connection:
+            if connection.execute(select(deliveries.c.id).where(due).limit(1)).first() is None:
+                return None
+        with self._database.write() as connection:
+            row = connection.execute(take.returning(deliveries)).one_or_none()
+        return None if row is None else _delivery(row)
+
+    def tried(
+        self,
+        delivery: Delivery,
+        tried: dict[str, Any],
+        status: DeliveryStatus,
+        next_at: float | None,
+    ) -> None:
+        """Record a try and what follows from it."""
+        values = {"status": status, "next_at": next_at, "tries": [*delivery.tries, tried]}
+        record = update(deliveries).where(deliveries.c.id == delivery.id).values(**values)
+        with self._database.write() as connection:
+            connection.execute(record)
+
+    def release(self) -> None:
+        """Make what a former process was sending due again: it may not have come through."""
+        interrupted = update(deliveries).where(deliveries.c.status == "sending")
+        with self._database.write() as connection:
+            connection.execute(interrupted.values(status="pending", next_at=time.time()))
+
+
+def _delivery(row: Row[Any]) -> Delivery:
+    return Delivery(**row._mapping)

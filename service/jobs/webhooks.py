@@ -1,0 +1,113 @@
+"""Sends the deliveries that are due, signed, until each has come through or tries are used up."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import json
+import logging
+import random
+import threading
+import time
+from typing import Any
+
+import httpx
+
+from service.documents import summary
+from service.jobs.deliveries import Delivery, DeliveryStore
+from service.jobs.job import JobRow
+from service.jobs.store import JobStore
+from service.settings import Settings
+
+SENDERS = 4
+POLL_S = 0.5
+TIMEOUT_S = 10.0
+MAX_DELAY_S = 3600.0
+
+log = logging.getLogger(__name__)
+
+
+def sign(secret: bytes, delivery_id: str, timestamp: int, body: bytes) -> str:
+    """Signature in the form of standardwebhooks.com: base64 of HMAC-SHA256 over id.time.body."""
+    message = f"{delivery_id}.{timestamp}.".encode() + body
+    digest = hmac.new(secret, message, hashlib.sha256).digest()
+    return f"v1,{base64.b64encode(digest).decode()}"
+
+
+class Webhooks:
+    """Threads that send what is due; nothing is lost when they are killed in the middle."""
+
+    def __init__(self, store: JobStore, deliveries: DeliveryStore, settings: Settings) -> None:
+        self._store = store
+        self._deliveries = deliveries
+        self._settings = settings
+        self._stopping = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._serve, name=f"webhooks-{i}", daemon=True)
+            for i in range(SENDERS)
+        ]
+
+    def start(self) -> None:
+        """Begin; nothing happens unless callbacks are allowed."""
+        if self._settings.webhook_hosts:
+            self._deliveries.release()
+            for thread in self._threads:
+                thread.start()
+
+    def stop(self) -> None:
+        """Begin nothing more; what is being sent is sent again after the next start."""
+        self._stopping.set()
+
+    def _serve(self) -> None:
+        client = httpx.Client(trust_env=False, follow_redirects=False, timeout=TIMEOUT_S)
+        with client:
+            while not self._stopping.is_set():
+                try:
+                    delivery = self._deliveries.claim()
+                    if delivery is None:
+                        self._stopping.wait(POLL_S)
+                    else:
+                        self._send(client, delivery)
+                except Exception:
+                    log.exception("a webhook thread met an unexpected error and goes on")
+                    self._stopping.wait(POLL_S)
+
+    def _send(self, client: httpx.Client, delivery: Delivery) -> None:
+        job = self._store.get(delivery.job_id)
+        if job is None:
+            return  # removed meanwhile, and its deliveries with it
+        tried = self._post(client, delivery, job)
+        code = tried["status_code"]
+        if code is not None and 200 <= code < 300:
+            self._deliveries.tried(delivery, tried, "delivered", None)
+        elif len(delivery.tries) + 1 >= self._settings.webhook_tries:
+            self._deliveries.tried(delivery, tried, "failed", None)
+        else:
+            next_at = time.time() + self._delay(len(delivery.tries))
+            self._deliveries.tried(delivery, tried, "pending", next_at)
+
+    def _delay(self, tries: int) -> float:
+        """Seconds to the next try: doubled each time, and not the same for all."""
+        exact: float = min(MAX_DELAY_S, self._settings.webhook_retry_s * 2**tries)
+        return exact * random.uniform(0.8, 1.2)  # noqa: S311
+
+    def _post(self, client: httpx.Client, delivery: Delivery, job: JobRow) -> dict[str, Any]:
+        assert job.callback_url is not None  # noqa: S101
+        assert self._settings.webhook_secret is not None  # noqa: S101
+        now = time.time()
+        event = {"type": f"registration.{job.status}", "data": summary(job).model_dump(mode="json")}
+        body = json.dumps(event).encode()
+        secret = self._settings.webhook_secret.get_secret_value().encode()
+        headers = {
+            "Content-Type": "application/json",
+            "Webhook-Id": delivery.id,
+            "Webhook-Timestamp": str(int(now)),
+            "Webhook-Signature": sign(secret, delivery.id, int(now), body),
+        }
+        try:
+            # the answer's body is of no interest, and may be endless
+            with client.stream("POST", job.callback_url, content=body, headers=headers) as answer:
+                return {"at": now, "status_code": answer.status_code, "error": None}
+        except httpx.HTTPError as error:
+            return {"at": now, "status_code": None, "error": type(error).__name__}

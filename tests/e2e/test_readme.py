@@ -1,0 +1,113 @@
+"""Every example of the README is run as it is printed; its tables say what the code says."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.blade import scan
+from service.formats import read_points, write_ply
+from service.settings import Settings
+from tests.server import Server
+from tools.readme_tables import renewed
+
+PROJECT = Path(__file__).parent.parent.parent
+README = (PROJECT / "README.md").read_text()
+MARK = "---- end of block ----"
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.M | re.S)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a person would stand after `make demo`."""
+    folder = tmp_path_factory.mktemp("readme")
+    (folder / "build/demo").mkdir(parents=True)
+    (folder / "README.md").write_text(README)
+    for seed, (name, azimuth) in enumerate((("source", -60), ("target", -110))):
+        points, _ = scan(*np.radians((azimuth, 17, 0)), seed=seed)
+        write_ply(folder / f"build/demo/{name}.ply", points.astype(np.float32))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def outputs(folder: Path, server: Server) -> list[str]:
+    """What each sh block prints; curl is told where port 8000 really is."""
+    (folder / ".curlrc").write_text(f'connect-to = "127.0.0.1:8000:127.0.0.1:{server.port}"\n')
+    script = f"\necho '{MARK}'\n".join(blocks("sh"))
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", script],
+        cwd=folder,
+        env=os.environ | {"PATH": path, "CURL_HOME": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=200,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split(MARK)
+
+
+def test_curl_examples(outputs: list[str], folder: Path) -> None:
+    waited, options, lists, removed, refused, align = outputs
+    first, second = json.loads(waited), json.loads(options)
+    assert first["status"] == second["status"] == "succeeded"
+    assert second["options"]["overlap"] == 0.8
+    pairs = np.load(folder / "build/demo/inliers.npy", allow_pickle=False)
+    assert len(pairs) == second["result"]["inliers"]["count"]
+    as_json = json.loads((folder / "build/demo/inliers.json").read_text())
+    assert as_json["count"] == len(pairs)
+    assert second["id"] in [item["id"] for item in json.loads(lists)["items"]]
+    assert removed.strip() == ""
+    problem = json.loads(refused)
+    assert 400 <= problem["status"] < 500
+    assert problem["detail"]
+    assert "T_target_source" in align
+    assert (folder / "build/demo/aligned.ply").exists()
+
+
+def test_library_example(folder: Path) -> None:
+    (example,) = blocks("python")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", example],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(PROJECT)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "[[" in done.stdout
+
+
+def test_aligned_file_is_the_moved_source(outputs: list[str], folder: Path) -> None:
+    result = json.loads(outputs[-1][outputs[-1].index('{"transform"') :])
+    T = np.array(result["transform"])
+    source = read_points(folder / "build/demo/source.ply").points
+    aligned = read_points(folder / "build/demo/aligned.ply").points
+    np.testing.assert_allclose(aligned, source @ T[:3, :3].T + T[:3, 3], atol=1e-3)
+
+
+def test_tables_are_current() -> None:
+    assert renewed(README) == README, "run `make openapi`"
+    for name in Settings.model_fields:
+        assert f"`MPE_{name.upper()}`" in README
+
+
+def test_make_targets_and_files_exist() -> None:
+    makefile = (PROJECT / "Makefile").read_text()
+    for target in set(re.findall(r"`?make ([a-z]+)", README)):
+        assert re.search(rf"^{target}:", makefile, re.M), target
+    for link in re.findall(r"\]\((?!http)([^)#]+)\)", README):
+        assert (PROJECT / link).exists(), link

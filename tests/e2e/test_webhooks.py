@@ -1,0 +1,160 @@
+"""Callbacks: signed, repeated until they come through, across restarts."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import json
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.e2e.scans import arms, as_npy
+from tests.server import Server, running_server
+
+CLOUD = as_npy(arms(1))
+SECRET = "spring tide"
+
+
+class Receiver(ThreadingHTTPServer):
+    """Keeps what it is sent; refuses the first `refusals` calls."""
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.received: list[tuple[dict[str, str], bytes]] = []
+        self.refusals = 0
+        self.url = f"http://127.0.0.1:{self.server_port}/hook"
+
+    def wait_for(self, count: int, within_s: float = 20) -> None:
+        deadline = time.monotonic() + within_s
+        while len(self.received) < count:
+            assert time.monotonic() < deadline, f"{len(self.received)} of {count} calls came"
+            time.sleep(0.05)
+
+
+class Handler(BaseHTTPRequestHandler):
+    server: Receiver
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.received.append(({k.lower(): v for k, v in self.headers.items()}, body))
+        self.server.refusals -= 1
+        self.send_response(503 if self.server.refusals >= 0 else 204)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    with Receiver() as running:
+        threading.Thread(target=running.serve_forever, daemon=True).start()
+        yield running
+        running.shutdown()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    with calling_server(tmp_path_factory.mktemp("webhooks")) as running:
+        yield running
+
+
+def calling_server(directory: Path) -> Any:
+    return running_server(
+        directory, webhook_hosts="127.0.0.1", webhook_secret=SECRET, webhook_retry_s=0.2
+    )
+
+
+def submit(server: Server, url: str, **fields: str) -> dict[str, Any]:
+    response = server.submit(CLOUD, CLOUD, wait=30, callback_url=url, **fields)
+    assert response.status_code == 200, response.text
+    return dict(response.json())
+
+
+def deliveries(server: Server, job: dict[str, Any]) -> list[dict[str, Any]]:
+    page = server.client.get(f"/v1/registrations/{job['id']}/deliveries").json()
+    return list(page["items"])
+
+
+def delivered(server: Server, job: dict[str, Any]) -> list[dict[str, Any]]:
+    deadline = time.monotonic() + 10
+    while any(item["status"] != "delivered" for item in deliveries(server, job)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return deliveries(server, job)
+
+
+def test_end_is_told_and_signed(server: Server, receiver: Receiver) -> None:
+    job = submit(server, receiver.url, labels='{"part": "door"}')
+    receiver.wait_for(1)
+    headers, body = receiver.received[0]
+    signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.".encode() + body
+    digest = hmac.new(SECRET.encode(), signed, hashlib.sha256).digest()
+    assert headers["webhook-signature"] == "v1," + base64.b64encode(digest).decode()
+    assert abs(int(headers["webhook-timestamp"]) - time.time()) < 60
+    event = json.loads(body)
+    assert event["type"] == "registration.succeeded"
+    assert event["data"]["id"] == job["id"]
+    assert event["data"]["labels"] == {"part": "door"}
+    (log,) = delivered(server, job)
+    assert log["id"] == headers["webhook-id"]
+    assert [tried["status_code"] for tried in log["tries"]] == [204]
+
+
+def test_a_refused_call_is_repeated_later_and_later(server: Server, receiver: Receiver) -> None:
+    receiver.refusals = 3
+    job = submit(server, receiver.url)
+    receiver.wait_for(4)
+    (log,) = delivered(server, job)
+    assert [tried["status_code"] for tried in log["tries"]] == [503, 503, 503, 204]
+    assert len({headers["webhook-id"] for headers, _ in receiver.received}) == 1
+
+
+def test_a_call_can_be_replayed(server: Server, receiver: Receiver) -> None:
+    job = submit(server, receiver.url)
+    receiver.wait_for(1)
+    replayed = server.client.post(f"/v1/registrations/{job['id']}/deliveries")
+    assert replayed.status_code == 202
+    receiver.wait_for(2)
+    assert len(delivered(server, job)) == 2
+
+
+def test_a_failed_registration_is_told_too(server: Server, receiver: Receiver) -> None:
+    two_points = as_npy(arms(1, 2))
+    server.submit(two_points, CLOUD, wait=30, callback_url=receiver.url)
+    receiver.wait_for(1)
+    event = json.loads(receiver.received[0][1])
+    assert event["type"] == "registration.failed"
+    assert event["data"]["error"]["type"] == "urn:mpe:problem:too-few-points"
+
+
+def test_calls_survive_a_crash(tmp_path: Path, receiver: Receiver) -> None:
+    with calling_server(tmp_path) as server:
+        receiver.refusals = 10**6
+        job = submit(server, receiver.url)
+        receiver.wait_for(1)
+        server.kill()
+        receiver.refusals = 0
+        server.start()
+        (log,) = delivered(server, job)
+        assert len(log["tries"]) >= 1
+
+
+def test_other_hosts_are_not_called(server: Server) -> None:
+    response = server.submit(CLOUD, CLOUD, callback_url="http://localhost:9/")
+    assert response.status_code == 403
+    assert response.json()["type"] == "urn:mpe:problem:address-refused"
+    assert "MPE_WEBHOOK_HOSTS" in response.json()["detail"]
+
+
+def test_nothing_to_replay_without_a_callback(server: Server) -> None:
+    job = server.submit(CLOUD, CLOUD, wait=30).json()
+    assert deliveries(server, job) == []
+    assert server.client.post(f"/v1/registrations/{job['id']}/deliveries").status_code == 409
