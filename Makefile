@@ -41,8 +41,9 @@ format: setup  ## put the formatting right
 	.venv/bin/ruff format .
 	.venv/bin/ruff check --fix .
 
-openapi: setup  ## write openapi.yaml from the app
+openapi: setup  ## write openapi.yaml and the tables of README.md from the app
 	$(PY) -m service.openapi > openapi.yaml
+	$(PY) -m tools.readme_tables
 
 lock: setup  ## resolve the lock files again from pyproject.toml
 	.venv/bin/uv pip compile pyproject.toml $(LOCK_OPTIONS) -o requirements.lock

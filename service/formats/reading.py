@@ -27,11 +27,41 @@ def _starts(*magics: bytes) -> Callable[[bytes], bool]:
 
 
 FORMATS = (
-    Format("ply", "Stanford PLY", (".ply",), _starts(b"ply\n", b"ply\r\n", b"ply "), ply.read),
-    Format("pcd", "Point Cloud Library PCD", (".pcd",), pcd.sniff, pcd.read),
-    Format("npy", "NumPy array", (".npy",), _starts(b"\x93NUMPY"), numpy_file.read_npy),
-    Format("npz", "NumPy archive", (".npz",), _starts(b"PK\x03\x04"), numpy_file.read_npz),
-    Format("xyz", "delimited text", (".xyz", ".txt", ".csv"), text.sniff, text.read),
+    Format(
+        "ply",
+        "Stanford PLY: ASCII, binary of both byte orders; the vertices",
+        (".ply",),
+        _starts(b"ply\n", b"ply\r\n", b"ply "),
+        ply.read,
+    ),
+    Format(
+        "pcd",
+        "Point Cloud Library: ASCII, binary, binary_compressed",
+        (".pcd",),
+        pcd.sniff,
+        pcd.read,
+    ),
+    Format(
+        "npy",
+        "NumPy array (N, 3 or more), (H, W, 3), or with fields x, y, z",
+        (".npy",),
+        _starts(b"\x93NUMPY"),
+        numpy_file.read_npy,
+    ),
+    Format(
+        "npz",
+        "NumPy archive: the array called points, xyz, ..., or the only one",
+        (".npz",),
+        _starts(b"PK\x03\x04"),
+        numpy_file.read_npz,
+    ),
+    Format(
+        "xyz",
+        "text, one point a line: blanks, tabs, commas, semicolons; with header or without",
+        (".xyz", ".txt", ".csv"),
+        text.sniff,
+        text.read,
+    ),
 )
 
 
@@ -41,7 +71,7 @@ def sniff(head: bytes) -> str | None:
     return found.name if found else None
 
 
-def read_points(path: Path, limits: Limits | None = None) -> DecodedCloud:
+def read_points(path: str | Path, limits: Limits | None = None) -> DecodedCloud:
     """Decode a cloud file; the content decides the format.
 
     Raises
@@ -49,6 +79,7 @@ def read_points(path: Path, limits: Limits | None = None) -> DecodedCloud:
     CloudFileError
         The file cannot be read as a cloud; the message names the byte or line.
     """
+    path = Path(path)
     with path.open("rb") as file:
         head = file.read(SNIFFED_BYTES)
     if not head:

@@ -107,7 +107,7 @@ def test_tables_are_current() -> None:
 
 def test_make_targets_and_files_exist() -> None:
     makefile = (PROJECT / "Makefile").read_text()
-    for target in set(re.findall(r"`?make ([a-z]+)", README)):
+    for target in set(re.findall(r"(?:^|`)make ([a-z]+)", README, re.M)):
         assert re.search(rf"^{target}:", makefile, re.M), target
     for link in re.findall(r"\]\((?!http)([^)#]+)\)", README):
         assert (PROJECT / link).exists(), link
