@@ -11,7 +11,7 @@ from service.core import running_service
 from service.errors import register_error_handlers
 from service.lingering import LingeringClose
 from service.openapi import describe
-from service.routes import deliveries, events, health, inliers, registrations
+from service.routes import clouds, deliveries, events, health, inliers, registrations, uploads
 from service.settings import Settings
 
 
@@ -26,7 +26,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
     app.add_middleware(LingeringClose)
     register_error_handlers(app)
-    for module in (registrations, inliers, events, deliveries, health):
+    for module in (registrations, inliers, events, deliveries, clouds, uploads, health):
         app.include_router(module.router)
     describe(app)
     return app

@@ -9,6 +9,7 @@ from fastapi import Request
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
 
 from service.problems import BodyTooLargeError, MalformedBodyError
 from service.storage import Blob, BlobStore, BlobWriter
@@ -23,11 +24,14 @@ async def limited(request: Request, limit: int) -> AsyncIterator[bytes]:
     if received > limit:
         raise _too_large(limit)
     received = 0
-    async for chunk in request.stream():
-        received += len(chunk)
-        if received > limit:
-            raise _too_large(limit)
-        yield chunk
+    try:
+        async for chunk in request.stream():
+            received += len(chunk)
+            if received > limit:
+                raise _too_large(limit)
+            yield chunk
+    except ClientDisconnect:
+        raise MalformedBodyError("The connection was cut before the body had arrived.") from None
 
 
 def _too_large(limit: int) -> BodyTooLargeError:
@@ -37,6 +41,14 @@ def _too_large(limit: int) -> BodyTooLargeError:
 async def read_text(request: Request) -> bytes:
     """The whole of a small body."""
     return b"".join([chunk async for chunk in limited(request, MAX_TEXT_BYTES)])
+
+
+async def read_file(request: Request, blobs: BlobStore, limit: int) -> Blob:
+    """The body, stored as it is."""
+    with blobs.writer() as writer:
+        async for chunk in limited(request, limit):
+            writer.write(chunk)
+        return await run_in_threadpool(writer.commit)
 
 
 async def read_multipart(request: Request, blobs: BlobStore, limit: int) -> dict[str, Blob | str]:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from service.clouds import CloudStore
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
 from service.jobs.database import Database
@@ -19,6 +20,7 @@ from service.jobs.webhooks import Webhooks
 from service.settings import Settings
 from service.storage import BlobStore
 from service.upkeep import Upkeep
+from service.uploads import UploadStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +28,14 @@ class Service:
     """What the routes work with."""
 
     settings: Settings
+    database: Database
     blobs: BlobStore
     store: JobStore
     queue: Queue
     changes: Changes
     deliveries: DeliveryStore
+    clouds: CloudStore
+    uploads: UploadStore
     keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
 
 
@@ -38,26 +43,40 @@ class Service:
 def running_service(settings: Settings) -> Iterator[Service]:
     """Hold the data directory, open its store, work on its queue; stop in the reverse order."""
     with _sole_owner(settings.data_dir):
-        blobs = BlobStore(settings.data_dir)
-        blobs.discard_incoming()
-        database = Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
-        retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
-        store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
-        changes = Changes()
-        queue = Queue(store, settings, changes.announce)
-        upkeep = Upkeep(settings, database, store, blobs, changes.announce)
-        queue.start()
-        upkeep.start()
-        deliveries = DeliveryStore(database)
-        webhooks = Webhooks(store, deliveries, settings)
-        webhooks.start()
+        service = _assemble(settings)
+        service.blobs.discard_incoming()
+        webhooks = Webhooks(service.store, service.deliveries, settings)
+        upkeep = Upkeep(service)
+        for part in (service.queue, upkeep, webhooks):
+            part.start()
         try:
-            yield Service(settings, blobs, store, queue, changes, deliveries)
+            yield service
         finally:
             webhooks.stop()
             upkeep.stop()
-            queue.stop(grace_s=0)
-            database.close()
+            service.queue.stop(grace_s=0)
+            service.database.close()
+
+
+def _assemble(settings: Settings) -> Service:
+    blobs = BlobStore(settings.data_dir)
+    database = Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
+    retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
+    store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
+    changes = Changes()
+    return Service(
+        settings=settings,
+        database=database,
+        blobs=blobs,
+        store=store,
+        queue=Queue(store, settings, changes.announce),
+        changes=changes,
+        deliveries=DeliveryStore(database),
+        clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
+        uploads=UploadStore(
+            database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
+        ),
+    )
 
 
 @contextmanager

@@ -10,9 +10,11 @@ from fastapi import Depends, Header, Path, Request
 from starlette.concurrency import run_in_threadpool
 
 from service.admission import admit
+from service.body import read_file
 from service.core import Service
 from service.jobs.job import JobRow
 from service.problems import UnknownRegistrationError
+from service.storage import Blob
 from service.submission import Submission, read_submission
 
 _WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)
@@ -70,6 +72,14 @@ async def _submission(
 
 
 NewSubmission = Annotated[Submission, Depends(_submission)]
+
+
+async def _raw_body(request: Request, service: CurrentService) -> Blob:
+    await run_in_threadpool(admit, service)
+    return await read_file(request, service.blobs, service.settings.max_body_bytes)
+
+
+RawBody = Annotated[Blob, Depends(_raw_body)]
 
 
 def known(job: JobRow | None) -> JobRow:

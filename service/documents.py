@@ -8,7 +8,9 @@ import json
 from dataclasses import asdict
 from datetime import UTC, datetime
 
+from service.clouds import StoredCloud
 from service.jobs.job import JobRow
+from service.jobs.listing import Place
 from service.problems import InvalidRequestError
 from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
 from service.storage import BlobStore
@@ -48,16 +50,16 @@ def document(job: JobRow, blobs: BlobStore) -> bytes:
     return summary(job).model_dump_json().encode()[:-1] + b',"result":' + result + b"}"
 
 
-def encode_cursor(job: JobRow) -> str:
-    """Opaque name of the job's place in the list."""
-    return base64.urlsafe_b64encode(json.dumps([job.created_at, job.id]).encode()).decode()
+def encode_cursor(item: JobRow | StoredCloud) -> str:
+    """Opaque name of the item's place in its list."""
+    return base64.urlsafe_b64encode(json.dumps([item.created_at, item.id]).encode()).decode()
 
 
-def decode_cursor(cursor: str) -> tuple[float, str]:
+def decode_cursor(cursor: str) -> Place:
     """(created_at, id) of the place; InvalidRequestError when it is no cursor of ours."""
     try:
-        created_at, job_id = json.loads(base64.urlsafe_b64decode(cursor))
-        return float(created_at), str(job_id)
+        created_at, item_id = json.loads(base64.urlsafe_b64decode(cursor))
+        return float(created_at), str(item_id)
     except (binascii.Error, ValueError, TypeError):
         raise InvalidRequestError("cursor: expected the next_cursor of a page.") from None
 

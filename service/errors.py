@@ -40,10 +40,15 @@ def register_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _unexpected)
 
 
-def invalid_request(error: ValidationError | RequestValidationError) -> InvalidRequestError:
+def invalid_request(
+    error: ValidationError | RequestValidationError, *within: str
+) -> InvalidRequestError:
     """Say where the input is wrong and what was expected, without repeating the input."""
     found = [
-        {"pointer": _pointer(item["loc"]), "detail": item["msg"].removeprefix("Value error, ")}
+        {
+            "pointer": _pointer((*within, *item["loc"])),
+            "detail": item["msg"].removeprefix("Value error, "),
+        }
         for item in error.errors()
     ]
     detail = "; ".join(f"{item['pointer'] or '/'}: {item['detail']}" for item in found)

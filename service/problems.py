@@ -50,6 +50,22 @@ class UnknownRegistrationError(ServiceError):
     """No registration has this id, or it was removed."""
 
 
+class UnknownCloudError(ServiceError):
+    """No cloud has this id, or it was removed or has expired."""
+
+
+class UnknownUploadError(ServiceError):
+    """No upload has this id, or it was removed or has expired."""
+
+
+class UploadConflictError(ServiceError):
+    """A piece does not begin where the upload ends."""
+
+
+class TusVersionError(ServiceError):
+    """The request does not speak the version of tus that is spoken here."""
+
+
 class ResultNotReadyError(ServiceError):
     """The registration has not succeeded, so there is no result to fetch."""
 
@@ -126,6 +142,10 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     UnknownRegistrationError: ProblemType(
         404, "unknown-registration", "There is no such registration"
     ),
+    UnknownCloudError: ProblemType(404, "unknown-cloud", "There is no such cloud"),
+    UnknownUploadError: ProblemType(404, "unknown-upload", "There is no such upload"),
+    UploadConflictError: ProblemType(409, "upload-conflict", "The upload is elsewhere"),
+    TusVersionError: ProblemType(412, "tus-version", "The version of tus is not spoken"),
     ResultNotReadyError: ProblemType(409, "result-not-ready", "There is no result"),
     AddressRefusedError: ProblemType(403, "address-refused", "The URL may not be called"),
     FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, HttpUrl, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field, HttpUrl, StringConstraints, model_validator
 
 from service.jobs.deliveries import DeliveryStatus
 from service.jobs.job import JobStatus
@@ -29,13 +29,21 @@ Labels = Annotated[
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 
-class UrlReference(StrictModel):
-    """A cloud that the service fetches."""
+class CloudReference(StrictModel):
+    """A cloud that the service has or fetches: either `cloud` or `url`."""
 
-    url: Annotated[HttpUrl, Field(strict=False)] = Field(
+    cloud: str | None = Field(None, max_length=64, description="Id of a stored cloud.")
+    url: Annotated[HttpUrl, Field(strict=False)] | None = Field(
+        None,
         description="http or https address on a host that MPE_URL_HOSTS names.",
         examples=["https://scans.example.org/door-2.ply"],
     )
+
+    @model_validator(mode="after")
+    def _either(self) -> Self:
+        if (self.cloud is None) == (self.url is None):
+            raise ValueError("give either cloud or url")
+        return self
 
 
 class RegistrationParameters(StrictModel):
@@ -63,8 +71,8 @@ class RegistrationParameters(StrictModel):
 class RegistrationRequest(RegistrationParameters):
     """A registration of two clouds that the service can reach by itself."""
 
-    source: UrlReference = Field(description="The cloud that is moved.")
-    target: UrlReference = Field(description="The cloud that stays.")
+    source: CloudReference = Field(description="The cloud that is moved.")
+    target: CloudReference = Field(description="The cloud that stays.")
 
 
 class Document(BaseModel):
@@ -94,7 +102,8 @@ class CloudInfo(Document):
 
     sha256: str | None = Field(description="Hash of the file, once the service has it.")
     size: int | None = Field(description="Length of the file in bytes, once the service has it.")
-    url: str | None = Field(None, description="Address that it is fetched from, if any.")
+    url: str | None = Field(description="Address that it is fetched from, if any.")
+    cloud: str | None = Field(description="Id of the stored cloud that it is, if any.")
 
 
 class Rotation(Document):
@@ -219,6 +228,24 @@ class InlierList(Document):
     threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
     pairs: list[Pair] = Field(description="[source index, target index] of each pair.")
     distances: list[float] = Field(description="Distance of each pair, in the input's unit.")
+
+
+class Cloud(Document):
+    """A stored cloud; refer to it as {"cloud": id}."""
+
+    id: str = Field(description="Name of the cloud.")
+    sha256: str = Field(description="Hash of the file.")
+    size: int = Field(description="Length of the file in bytes.")
+    format: str = Field(description="What the file begins like; it has not been decoded.")
+    created_at: datetime = Field(description="When it was stored (UTC).")
+    expires_at: datetime = Field(description="When it is dropped unless it is used (UTC).")
+
+
+class CloudPage(Document):
+    """Clouds, newest first."""
+
+    items: list[Cloud]
+    next_cursor: str | None = Field(description="Give it as `cursor` for the next page.")
 
 
 class Try(Document):

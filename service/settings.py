@@ -76,6 +76,12 @@ class Settings(BaseSettings):
     job_retention_s: float = Field(
         default=30 * DAY_S, gt=0, description="Seconds that a registration that ended is kept."
     )
+    cloud_retention_s: float = Field(
+        default=7 * DAY_S, gt=0, description="Seconds that a stored cloud is kept unless used."
+    )
+    upload_retention_s: float = Field(
+        default=DAY_S, gt=0, description="Seconds that an upload in pieces may lie still."
+    )
     blob_grace_s: float = Field(
         default=600, gt=0, description="Age in seconds from which unused files are removed."
     )

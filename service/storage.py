@@ -56,11 +56,7 @@ class BlobWriter:
         os.fsync(self._file.fileno())
         self._file.close()
         blob = Blob(self._hash.hexdigest(), self._size)
-        path = self._store.path(blob.sha256)
-        path.parent.mkdir(exist_ok=True)
-        with self._store.locked():
-            Path(self._file.name).replace(path)
-        _fsync_directory(path.parent)
+        self._store.install(Path(self._file.name), blob)
         return blob
 
     def discard(self) -> None:
@@ -119,6 +115,23 @@ class BlobStore:
                 return False
             path.unlink()
         return True
+
+    def adopt(self, path: Path) -> Blob:
+        """Make a finished, synced file of the same file system a blob; the file is gone then."""
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        blob = Blob(sha256, path.stat().st_size)
+        path.touch()
+        self.install(path, blob)
+        return blob
+
+    def install(self, path: Path, blob: Blob) -> None:
+        """Rename the file to the blob's name, durably."""
+        final = self.path(blob.sha256)
+        final.parent.mkdir(exist_ok=True)
+        with self.locked():
+            path.replace(final)
+        _fsync_directory(final.parent)
 
     def put(self, chunks: Iterable[bytes]) -> Blob:
         """Store the chunks as one blob."""

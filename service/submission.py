@@ -11,19 +11,16 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from service.body import read_multipart, read_text
+from service.clouds import recognised
 from service.core import Service
 from service.errors import invalid_request
-from service.formats import FORMATS, UnknownFormatError, sniff
 from service.jobs.job import CloudInput
 from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
-from service.schemas import RegistrationParameters, RegistrationRequest, UrlReference
-from service.settings import Settings
+from service.schemas import CloudReference, RegistrationParameters, RegistrationRequest
 from service.sources import check_address
-from service.storage import Blob, BlobStore
+from service.storage import Blob
 
-_FORMATS = ", ".join(format.name for format in FORMATS)
-SNIFFED_BYTES = 4096
 CLOUDS = ("source", "target")
 
 
@@ -49,9 +46,9 @@ async def read_submission(request: Request, service: Service) -> Submission:
     if content_type == "multipart/form-data":
         limit = service.settings.max_body_bytes
         form = await read_multipart(request, service.blobs, limit)
-        submission = await run_in_threadpool(_from_form, form, service.blobs)
+        submission = await run_in_threadpool(_from_form, form, service)
     elif content_type == "application/json":
-        submission = _from_json(await read_text(request), service.settings)
+        submission = await run_in_threadpool(_from_json, await read_text(request), service)
     else:
         raise UnsupportedContentTypeError(
             "Send multipart/form-data with the files source and target, or application/json with "
@@ -64,8 +61,8 @@ async def read_submission(request: Request, service: Service) -> Submission:
     return submission
 
 
-def _from_form(form: dict[str, Blob | str], blobs: BlobStore) -> Submission:
-    clouds = {role: _uploaded(role, form.pop(role, None), blobs) for role in CLOUDS}
+def _from_form(form: dict[str, Blob | str], service: Service) -> Submission:
+    clouds = {role: _cloud(role, form.pop(role, None), service) for role in CLOUDS}
     fields: dict[str, Any] = {}
     for name, text in form.items():
         if isinstance(text, Blob):
@@ -78,17 +75,17 @@ def _from_form(form: dict[str, Blob | str], blobs: BlobStore) -> Submission:
     return Submission(**clouds, parameters=parameters)
 
 
-def _uploaded(role: str, field: Blob | str | None, blobs: BlobStore) -> CloudInput:
-    if not isinstance(field, Blob):
+def _cloud(role: str, field: Blob | str | None, service: Service) -> CloudInput:
+    """An uploaded file, or a reference in its place."""
+    if isinstance(field, Blob):
+        recognised(role, field, service.blobs)
+        return CloudInput(sha256=field.sha256, size=field.size)
+    if field is None:
         raise InvalidRequestError(f"{role}: expected a file; send it as -F {role}=@scan.ply.")
-    if field.size == 0:
-        raise InvalidRequestError(f"{role}: the file is empty.")
-    with blobs.path(field.sha256).open("rb") as file:
-        if sniff(file.read(SNIFFED_BYTES)) is None:
-            raise UnknownFormatError(
-                f"{role}: the file begins like none of the formats {_FORMATS}."
-            )
-    return CloudInput(sha256=field.sha256, size=field.size)
+    try:
+        return _referred(CloudReference.model_validate_json(field), service)
+    except ValidationError as error:
+        raise invalid_request(error, role) from None
 
 
 def _parsed(name: str, text: str) -> Any:
@@ -101,7 +98,7 @@ def _parsed(name: str, text: str) -> Any:
         raise InvalidRequestError(f"{where}: expected JSON.") from None
 
 
-def _from_json(body: bytes, settings: Settings) -> Submission:
+def _from_json(body: bytes, service: Service) -> Submission:
     try:
         wanted = RegistrationRequest.model_validate_json(body)
     except ValidationError as error:
@@ -109,13 +106,15 @@ def _from_json(body: bytes, settings: Settings) -> Submission:
             raise MalformedBodyError("The body is not JSON.") from None
         raise invalid_request(error) from None
     return Submission(
-        source=_linked(wanted.source, settings),
-        target=_linked(wanted.target, settings),
+        source=_referred(wanted.source, service),
+        target=_referred(wanted.target, service),
         parameters=wanted,
     )
 
 
-def _linked(reference: UrlReference, settings: Settings) -> CloudInput:
+def _referred(reference: CloudReference, service: Service) -> CloudInput:
+    if reference.cloud is not None:
+        return service.clouds.use(reference.cloud)
     url = str(reference.url)
-    check_address(url, settings.url_hosts, "MPE_URL_HOSTS")
+    check_address(url, service.settings.url_hosts, "MPE_URL_HOSTS")
     return CloudInput(url=url)

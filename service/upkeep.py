@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from service.jobs.database import Database
-from service.jobs.retention import drop_expired, needed_blobs
-from service.jobs.store import JobStore
-from service.settings import Settings
-from service.storage import BlobStore
+from service.jobs.prepared import PreparedClouds
+from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
+
+if TYPE_CHECKING:
+    from service.core import Service
 
 log = logging.getLogger(__name__)
 
@@ -19,19 +19,9 @@ log = logging.getLogger(__name__)
 class Upkeep:
     """A thread that looks for what has expired, every `upkeep_interval_s`."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        database: Database,
-        store: JobStore,
-        blobs: BlobStore,
-        announce: Callable[[str], None],
-    ) -> None:
-        self._settings = settings
-        self._database = database
-        self._store = store
-        self._blobs = blobs
-        self._announce = announce
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._prepared = PreparedClouds(service.settings.data_dir / "prepared")
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="upkeep", daemon=True)
 
@@ -46,17 +36,20 @@ class Upkeep:
 
     def once(self) -> None:
         """One look."""
-        self._store.lose_all("its lease ended", lease_before=time.time())
-        for job_id in self._store.miss_deadlines():
-            self._announce(job_id)
-        drop_expired(self._database)
-        oldest = time.time() - self._settings.blob_grace_s
-        removed = self._blobs.collect(lambda: needed_blobs(self._database), older_than=oldest)
+        service, database = self._service, self._service.database
+        service.store.lose_all("its lease ended", lease_before=time.time())
+        for job_id in service.store.miss_deadlines():
+            service.changes.announce(job_id)
+        drop_expired(database)
+        service.uploads.drop_expired()
+        oldest = time.time() - service.settings.blob_grace_s
+        removed = service.blobs.collect(lambda: needed_blobs(database), older_than=oldest)
+        self._prepared.collect(referable_blobs(database))
         if removed:
             log.info("removed %d unused files", removed)
 
     def _run(self) -> None:
-        while not self._stopping.wait(self._settings.upkeep_interval_s):
+        while not self._stopping.wait(self._service.settings.upkeep_interval_s):
             try:
                 self.once()
             except Exception:

@@ -21,6 +21,7 @@ from mpe_core import Registration, RegistrationOptions, register
 from service.formats import CloudFileError, DecodedCloud, read_points
 from service.jobs.confinement import confine, die_with_parent
 from service.jobs.job import CloudInput, Outcome
+from service.jobs.prepared import PreparedClouds
 from service.jobs.task import Task
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.result import inlier_array, result_document
@@ -78,8 +79,8 @@ def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
         target = _fetched(task.target, task, blobs, report)
     with _timed(timing, "decode_s"):
         report("decode", READING_SHARE / 2)
-        source_cloud = _decoded("source", source, blobs)
-        target_cloud = _decoded("target", target, blobs)
+        source_cloud = _decoded("source", source, task, blobs)
+        target_cloud = _decoded("target", target, task, blobs)
     found = _registered(source_cloud, target_cloud, task, report)
     timing |= {f"{stage}_s": s for stage, s in found.timing.items() if stage != "total"}
     with _timed(timing, "store_s"):
@@ -114,10 +115,15 @@ def _fetched(cloud: CloudInput, task: Task, blobs: BlobStore, report: Report) ->
     return replace(cloud, sha256=blob.sha256, size=blob.size)
 
 
-def _decoded(role: str, cloud: CloudInput, blobs: BlobStore) -> DecodedCloud:
+def _decoded(role: str, cloud: CloudInput, task: Task, blobs: BlobStore) -> DecodedCloud:
     assert cloud.sha256 is not None  # noqa: S101
+    path = blobs.path(cloud.sha256)
     try:
-        decoded = read_points(blobs.path(cloud.sha256))
+        if cloud.cloud is None:
+            decoded = read_points(path)
+        else:  # it will be referred to again
+            prepared = PreparedClouds(task.data_dir / "prepared")
+            decoded = prepared.decoded(cloud.sha256, lambda: read_points(path), task.scratch)
     except CloudFileError as error:
         raise type(error)(f"{role}: {error}") from error
     return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))

@@ -24,6 +24,8 @@ class CloudInput:
     size: int | None = None
     """Length in bytes."""
     url: str | None = None
+    cloud: str | None = None
+    """Id of the stored cloud that the caller named."""
 
 
 @dataclass(frozen=True, slots=True)

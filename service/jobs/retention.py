@@ -8,11 +8,11 @@ from sqlalchemy import and_, delete, or_, select, update
 
 from service.jobs.database import Database
 from service.jobs.job import ENDED
-from service.jobs.tables import jobs
+from service.jobs.tables import clouds, jobs
 
 
 def drop_expired(database: Database) -> None:
-    """Forget the results, then the jobs, whose time has come."""
+    """Forget the results, the jobs and the clouds whose time has come."""
     now = time.time()
     expired = and_(jobs.c.result_expires_at < now, jobs.c.result_sha256.is_not(None))
     with database.write() as connection:
@@ -20,10 +20,11 @@ def drop_expired(database: Database) -> None:
             update(jobs).where(expired).values(result_sha256=None, inliers_sha256=None)
         )
         connection.execute(delete(jobs).where(jobs.c.expires_at < now))
+        connection.execute(delete(clouds).where(clouds.c.expires_at < now))
 
 
 def needed_blobs(database: Database) -> set[str]:
-    """Hashes of the blobs that a job which waits or runs, or a kept result, needs."""
+    """Hashes of the blobs that a job which waits or runs, a kept result or a cloud needs."""
     needed = or_(jobs.c.status.not_in(ENDED), jobs.c.result_sha256.is_not(None))
     columns = (
         jobs.c.source["sha256"].as_string(),
@@ -33,4 +34,11 @@ def needed_blobs(database: Database) -> set[str]:
     )
     with database.read() as connection:
         rows = connection.execute(select(*columns).where(needed))
-        return {sha256 for row in rows for sha256 in row if sha256 is not None}
+        used = {sha256 for row in rows for sha256 in row if sha256 is not None}
+    return used | referable_blobs(database)
+
+
+def referable_blobs(database: Database) -> set[str]:
+    """Hashes of the blobs that a registration may refer to as clouds."""
+    with database.read() as connection:
+        return set(connection.scalars(select(clouds.c.sha256)))

@@ -100,6 +100,29 @@ idempotency_keys = Table(
 )
 Index("idempotency_by_job", idempotency_keys.c.job_id)
 
+# clouds that registrations refer to by id
+clouds = Table(
+    "clouds",
+    metadata,
+    Column("id", String, primary_key=True),
+    Column("sha256", String, nullable=False),
+    Column("size", Integer, nullable=False),
+    Column("format", String, nullable=False),
+    Column("created_at", Float, nullable=False),
+    Column("expires_at", Float, nullable=False),
+)
+Index("clouds_by_age", clouds.c.created_at, clouds.c.id)
+
+# uploads in pieces; how far one is, is the length of its file
+uploads = Table(
+    "uploads",
+    metadata,
+    Column("id", String, primary_key=True),
+    Column("length", Integer, nullable=False),
+    Column("is_complete", Boolean, nullable=False),
+    Column("expires_at", Float, nullable=False),
+)
+
 schema_version = Table("schema_version", metadata, Column("version", Integer, primary_key=True))
 
 # Step i brings a store of version i to version i + 1. A released step is never edited.

@@ -1,0 +1,114 @@
+"""Clouds that are stored once and referred to by many registrations."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from sqlalchemy import Row, and_, delete, insert, or_, select, update
+
+from service.formats import FORMATS, UnknownFormatError, sniff
+from service.jobs.database import Database
+from service.jobs.job import CloudInput
+from service.jobs.listing import Place
+from service.jobs.tables import clouds
+from service.problems import InvalidRequestError, UnknownCloudError
+from service.storage import Blob, BlobStore
+
+SNIFFED_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCloud:
+    """A cloud; times in seconds since the epoch, UTC."""
+
+    id: str
+    sha256: str
+    size: int
+    """Length of the file in bytes."""
+    format: str
+    created_at: float
+    expires_at: float
+
+
+class CloudStore:
+    """Clouds in the database; a cloud that is not used for `retention_s` is dropped."""
+
+    def __init__(self, database: Database, blobs: BlobStore, *, retention_s: float) -> None:
+        self._database = database
+        self._blobs = blobs
+        self._retention_s = retention_s
+
+    def put(self, cloud_id: str, blob: Blob) -> StoredCloud:
+        """Store the blob as the cloud of this id, in place of a former one."""
+        now = time.time()
+        cloud = StoredCloud(
+            id=cloud_id,
+            sha256=blob.sha256,
+            size=blob.size,
+            format=recognised("cloud", blob, self._blobs),
+            created_at=now,
+            expires_at=now + self._retention_s,
+        )
+        with self._database.write() as connection:
+            connection.execute(delete(clouds).where(clouds.c.id == cloud_id))
+            connection.execute(insert(clouds).values(**asdict(cloud)))
+        return cloud
+
+    def get(self, cloud_id: str) -> StoredCloud:
+        """The cloud; UnknownCloudError when there is none."""
+        with self._database.read() as connection:
+            row = connection.execute(select(clouds).where(clouds.c.id == cloud_id)).one_or_none()
+        return _known(row)
+
+    def use(self, cloud_id: str) -> CloudInput:
+        """The cloud as the input of a job, and one more period to live."""
+        expires_at = time.time() + self._retention_s
+        used = update(clouds).where(clouds.c.id == cloud_id).values(expires_at=expires_at)
+        with self._database.write() as connection:
+            cloud = _known(connection.execute(used.returning(clouds)).one_or_none())
+        self._blobs.touch(cloud.sha256)
+        return CloudInput(sha256=cloud.sha256, size=cloud.size, cloud=cloud.id)
+
+    def page(self, *, limit: int, before: Place | None) -> list[StoredCloud]:
+        """Up to `limit` clouds, newest first, from the place where the page before ended."""
+        query = select(clouds).order_by(clouds.c.created_at.desc(), clouds.c.id.desc()).limit(limit)
+        if before is not None:
+            created_at, cloud_id = before
+            same_time = and_(clouds.c.created_at == created_at, clouds.c.id < cloud_id)
+            query = query.where(or_(clouds.c.created_at < created_at, same_time))
+        with self._database.read() as connection:
+            return [_known(row) for row in connection.execute(query)]
+
+    def remove(self, cloud_id: str) -> None:
+        """Forget the cloud; UnknownCloudError when there is none."""
+        with self._database.write() as connection:
+            if connection.execute(delete(clouds).where(clouds.c.id == cloud_id)).rowcount == 0:
+                _known(None)
+
+
+def recognised(role: str, blob: Blob, blobs: BlobStore) -> str:
+    """Name of the format that the file begins like; nothing of it is decoded here.
+
+    Raises
+    ------
+    InvalidRequestError
+        The file is empty.
+    UnknownFormatError
+        It begins like none of the formats.
+    """
+    if blob.size == 0:
+        raise InvalidRequestError(f"{role}: the file is empty.")
+    with blobs.path(blob.sha256).open("rb") as file:
+        found = sniff(file.read(SNIFFED_BYTES))
+    if found is None:
+        names = ", ".join(format.name for format in FORMATS)
+        raise UnknownFormatError(f"{role}: the file begins like none of the formats {names}.")
+    return found
+
+
+def _known(row: Row[Any] | None) -> StoredCloud:
+    if row is None:
+        raise UnknownCloudError("No cloud has this id; it may have expired.")
+    return StoredCloud(**row._mapping)

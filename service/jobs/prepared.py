@@ -1,0 +1,42 @@
+"""Decoded clouds that registrations refer to, kept so that each is decoded once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from service.formats.cloud import DecodedCloud
+
+
+class PreparedClouds:
+    """Files named by the content's hash and the release that decoded it."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        directory.mkdir(exist_ok=True)
+
+    def decoded(
+        self, sha256: str, decode: Callable[[], DecodedCloud], scratch: Path
+    ) -> DecodedCloud:
+        """The cloud as it was decoded before, or as `decode` gives it now."""
+        path = self._directory / f"{sha256}-{version('mpe')}.npz"
+        if path.exists():
+            with np.load(path, allow_pickle=False) as kept:
+                said = json.loads(str(kept["said"]))
+                return DecodedCloud(kept["points"], said["format"], tuple(said["warnings"]))
+        cloud = decode()
+        said = json.dumps({"format": cloud.format, "warnings": cloud.warnings})
+        with (scratch / path.name).open("wb") as file:
+            np.savez(file, points=cloud.points, said=np.array(said))
+        (scratch / path.name).replace(path)
+        return cloud
+
+    def collect(self, needed: set[str]) -> None:
+        """Remove what was decoded of files that are not needed."""
+        for path in self._directory.iterdir():
+            if path.name.partition("-")[0] not in needed:
+                path.unlink()

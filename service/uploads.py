@@ -1,0 +1,105 @@
+"""Uploads that arrive in pieces and go on after a cut connection."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import BinaryIO
+from uuid import uuid4
+
+from sqlalchemy import delete, insert, select, update
+
+from service.jobs.database import Database
+from service.jobs.tables import uploads
+from service.problems import UnknownUploadError, UploadConflictError
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """An upload; times in seconds since the epoch, UTC."""
+
+    id: str
+    length: int
+    """Bytes of the whole file."""
+    is_complete: bool
+    """Whether it has become a cloud."""
+    expires_at: float
+
+
+class UploadStore:
+    """Uploads in the database, their bytes in files; one that lies still is dropped."""
+
+    def __init__(self, database: Database, directory: Path, *, retention_s: float) -> None:
+        self._database = database
+        self._directory = directory
+        self._retention_s = retention_s
+        self._busy: set[str] = set()
+        directory.mkdir(exist_ok=True)
+
+    def create(self, length: int) -> Upload:
+        """Begin an upload of this many bytes."""
+        upload = Upload(str(uuid4()), length, False, time.time() + self._retention_s)
+        self.path(upload).touch()
+        with self._database.write() as connection:
+            connection.execute(insert(uploads).values(**asdict(upload)))
+        return upload
+
+    def get(self, upload_id: str) -> Upload:
+        """The upload; UnknownUploadError when there is none."""
+        with self._database.read() as connection:
+            query = select(uploads).where(uploads.c.id == upload_id)
+            row = connection.execute(query).one_or_none()
+        if row is None:
+            raise UnknownUploadError("No upload has this id; it may have expired.")
+        return Upload(**row._mapping)
+
+    def path(self, upload: Upload) -> Path:
+        """Where its bytes are kept until it is complete."""
+        return self._directory / upload.id
+
+    def offset(self, upload: Upload) -> int:
+        """Bytes that have arrived."""
+        return upload.length if upload.is_complete else self.path(upload).stat().st_size
+
+    @contextmanager
+    def appending(self, upload: Upload, offset: int) -> Iterator[BinaryIO]:
+        """The file, to append to from the offset; belongs to one event loop.
+
+        UploadConflictError when the upload is elsewhere, or another request appends to it.
+        """
+        if upload.id in self._busy:
+            raise UploadConflictError("Another request appends to this upload.")
+        if offset != self.offset(upload) or upload.is_complete:
+            raise UploadConflictError(f"The upload is at {self.offset(upload)}; go on from there.")
+        self._busy.add(upload.id)
+        try:
+            with self.path(upload).open("ab") as file:
+                yield file
+        finally:
+            self._busy.discard(upload.id)
+
+    def extend(self, upload: Upload, *, complete: bool) -> Upload:
+        """Give it one more period to live, and record whether it has become a cloud."""
+        values = {"is_complete": complete, "expires_at": time.time() + self._retention_s}
+        change = update(uploads).where(uploads.c.id == upload.id).values(**values)
+        with self._database.write() as connection:
+            connection.execute(change)
+        return self.get(upload.id)
+
+    def remove(self, upload: Upload) -> None:
+        """Forget it, and drop its bytes."""
+        with self._database.write() as connection:
+            connection.execute(delete(uploads).where(uploads.c.id == upload.id))
+        self.path(upload).unlink(missing_ok=True)
+
+    def drop_expired(self) -> None:
+        """Remove the uploads whose time has come."""
+        late = select(uploads).where(uploads.c.expires_at < time.time())
+        with self._database.read() as connection:
+            expired = [Upload(**row._mapping) for row in connection.execute(late)]
+        for upload in expired:
+            if upload.id not in self._busy:
+                self.remove(upload)
