@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mpe_core.rigid import apply, axis_rotation, inverse, pose, random_rotation
 from service.formats import read_points
@@ -61,15 +62,19 @@ def moved(
     return Trial(apply(T, np.vstack([source, stray])), cloud, inverse(T))
 
 
-def real_pair(data: Path, name: str, largest_deg: float = 180.0) -> Trial:
-    """A pair of pairs.json, its source moved by a random motion seeded by the pair."""
+def real_pair(data: Path, name: str, *, largest_deg: float = 180.0, seed: int = 0) -> Trial:
+    """A pair of pairs.json, its source moved by a random motion seeded by the pair and the seed:
+    turned evenly over SO(3), or by up to largest_deg, and moved by up to half the diagonal."""
     pairs = {pair["id"]: pair for pair in json.loads((data / "pairs.json").read_text())}
     source, target = (points_of(data / pairs[name][end]) for end in ("source", "target"))
-    rng = np.random.default_rng(list(name.encode()))
+    rng = np.random.default_rng([seed, *name.encode()])
     angle = np.radians(rng.uniform(0, largest_deg))
     R = random_rotation(rng) if largest_deg == 180 else axis_rotation(rng.normal(size=3), angle)
     T = motion(source, R, rng)
-    return Trial(apply(T, source), target, np.array(pairs[name]["T_target_source"]) @ inverse(T))
+    truth = np.array(pairs[name]["T_target_source"])
+    # some published poses are printed to a few digits: take the nearest rotation
+    truth[:3, :3] = Rotation.from_matrix(truth[:3, :3]).as_matrix()
+    return Trial(apply(T, source), target, truth @ inverse(T))
 
 
 def motion(cloud: Array, R: Array, rng: np.random.Generator) -> Array:

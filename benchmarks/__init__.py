@@ -1,0 +1,1 @@
+"""Measurements: the paper's experiments, the peers, the speed. Results go to docs/results."""

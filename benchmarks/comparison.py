@@ -1,0 +1,75 @@
+"""Several methods on the same trials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from benchmarks.experiment import timed
+from benchmarks.methods import Method
+from tests.checks import pose_error
+from tests.clouds import Trial
+
+Row = dict[str, Any]
+
+
+def compare(methods: Sequence[Method], trials: Iterable[tuple[Row, Trial]]) -> list[Row]:
+    """One row for each trial and method: the trial's labels, the method, errors and seconds.
+
+    Degrees by Eq. 11; shift is how far apart the found and the true pose put the source's centroid
+    (Eq. 12 about the centroid, where it does not depend on the origin of the coordinates).
+    """
+    rows = []
+    for labels, trial in trials:
+        for method in methods:
+            T, seconds = timed(method.register, trial.source, trial.target)
+            degrees, shift = pose_error(T, trial.T_target_source, trial.source)
+            rows.append(
+                {
+                    **labels,
+                    "method": method.name,
+                    "degrees": degrees,
+                    "shift": shift,
+                    "seconds": seconds,
+                }
+            )
+    return rows
+
+
+def described(methods: Sequence[Method]) -> dict[str, dict[str, str]]:
+    return {m.name: {"version": m.version, "settings": m.settings} for m in methods}
+
+
+def settings_text(methods: dict[str, dict[str, str]]) -> str:
+    return "; ".join(f"{name} ({m['version']}): {m['settings']}" for name, m in methods.items())
+
+
+def values(rows: Iterable[Row], value: str, **labels: object) -> np.ndarray:
+    """(K,) the values of the rows with these labels."""
+    return np.array(
+        [row[value] for row in rows if all(row[key] == label for key, label in labels.items())]
+    )
+
+
+def medians(rows: list[Row], key: str, value: str) -> list[list[object]]:
+    """A line for each value of the key: the key, then the median of each method."""
+    names = list(dict.fromkeys(row["method"] for row in rows))
+    return [
+        [at, *(_median(values(rows, value, method=name, **{key: at})) for name in names)]
+        for at in dict.fromkeys(row[key] for row in rows)
+    ]
+
+
+def _median(found: np.ndarray) -> object:
+    return float(np.median(found)) if len(found) else "-"
+
+
+def curves(axes: Axes, rows: list[Row], key: str, value: str) -> None:
+    """Median of each method over the key."""
+    for name in dict.fromkeys(row["method"] for row in rows):
+        keys = list(dict.fromkeys(row[key] for row in rows if row["method"] == name))
+        heights = [np.median(values(rows, value, method=name, **{key: at})) for at in keys]
+        axes.plot(keys, heights, "o-", label=name)

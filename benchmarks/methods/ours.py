@@ -1,0 +1,17 @@
+"""This project."""
+
+from __future__ import annotations
+
+from benchmarks.methods.method import Array, Method
+from mpe_core import RegistrationOptions, register
+
+
+def _method(name: str, settings: str, options: RegistrationOptions) -> Method:
+    def run(source: Array, target: Array) -> Array:
+        return register(source, target, options).T_target_source
+
+    return Method(name, "mpe", run, settings)
+
+
+MPL = _method("MPL", "defaults", RegistrationOptions())
+MPE = _method("MPE", "Algorithm 1 on all points", RegistrationOptions(method="mpe"))

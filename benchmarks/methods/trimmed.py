@@ -1,0 +1,21 @@
+"""Trimmed ICP, from laid-together centroids."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.methods.method import Array, Method
+from mpe_core.cloud import as_pair, as_points
+from mpe_core.neighbours import Neighbours
+from mpe_core.refinement import trimmed_icp
+
+
+def run(source: Array, target: Array) -> Array:
+    pair = as_pair(as_points(source), as_points(target))
+    found = trimmed_icp(
+        pair.source, Neighbours(pair.target), np.eye(4), None, 200, lambda fraction: None
+    )
+    return pair.to_caller(found.T_target_source)
+
+
+TRIMMED_ICP = Method("trimmed ICP", "mpe", run, "overlap searched, 200 iterations")

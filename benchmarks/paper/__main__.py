@@ -1,0 +1,16 @@
+"""python -m benchmarks.paper [name ...]: the experiments of the paper."""
+
+from benchmarks.experiment import main
+from benchmarks.paper.blade import BLADE
+from benchmarks.paper.noise import NOISE
+from benchmarks.paper.outliers import OUTLIERS
+from benchmarks.paper.sampling import SAMPLING
+from benchmarks.paper.size import SIZE
+from benchmarks.paper.streets import STREETS
+from benchmarks.paper.times import TIMES
+from benchmarks.paper.uwa import UWA
+
+main(
+    [NOISE, OUTLIERS, SIZE, SAMPLING, TIMES, UWA, BLADE, STREETS],
+    "python -m benchmarks.paper",
+)

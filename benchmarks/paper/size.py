@@ -1,0 +1,48 @@
+"""Experiment 3: time against the number of points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.comparison import Row, compare, curves, described, medians, settings_text
+from benchmarks.experiment import DATA, Experiment, Result, markdown
+from benchmarks.methods import CPD, EM_ICP, MPE, MPL
+from mpe_core.sampling import random_rows
+from tests.clouds import Trial, bunny, moved
+
+SMALL, LARGE = (1000, 2500, 5000, 7500), (15000, 25000, 35000)
+
+
+def _trials(counts: tuple[int, ...]) -> Iterator[tuple[Row, Trial]]:
+    cloud = bunny(DATA, "bun_zipper")
+    for count in counts:
+        rng = np.random.default_rng(count)
+        yield {"points": count}, moved(random_rows(cloud, count, rng), rng)
+
+
+def run() -> Result:
+    everyone, ours = [MPL, MPE, EM_ICP, CPD], [MPL, MPE]
+    rows = compare(everyone, _trials(SMALL)) + compare(ours, _trials(LARGE))
+    return {"rows": rows, "methods": described(everyone)}
+
+
+def table(result: Result) -> str:
+    return (
+        "Random parts of the bunny of 35,947 points, turned by up to 90 degrees; seconds. As in "
+        "the paper, EM-ICP and CPD stop at 7,500 points.\n"
+        f"{settings_text(result['methods'])}.\n\n"
+        + markdown(("points", *result["methods"]), medians(result["rows"], "points", "seconds"))
+    )
+
+
+def draw(result: Result, figure: Figure) -> None:
+    axes = figure.subplots()
+    curves(axes, result["rows"], "points", "seconds")
+    axes.set(xlabel="points", ylabel="seconds", xscale="log", yscale="log")
+    axes.legend()
+
+
+SIZE = Experiment("paper_size", "Time against size", run, table, draw)
