@@ -7,9 +7,11 @@ from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
 
+from service.access import Access
 from service.core import running_service
 from service.errors import register_error_handlers
 from service.lingering import LingeringClose
+from service.metrics import Metrics
 from service.openapi import describe
 from service.routes import clouds, deliveries, events, health, inliers, registrations, uploads
 from service.settings import Settings
@@ -18,14 +20,17 @@ from service.settings import Settings
 def create_app(settings: Settings | None = None) -> FastAPI:
     """The application; its service runs from the start of its lifespan to the end."""
 
+    metrics = Metrics()
+
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        with running_service(settings or Settings()) as app.state.service:
+        with running_service(settings or Settings(), metrics) as app.state.service:
             yield
 
     app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
     app.add_middleware(LingeringClose)
-    register_error_handlers(app)
+    app.add_middleware(Access, metrics=metrics)
+    register_error_handlers(app, metrics)
     for module in (registrations, inliers, events, deliveries, clouds, uploads, health):
         app.include_router(module.router)
     describe(app)

@@ -17,8 +17,11 @@ from service.jobs.job import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.jobs.webhooks import Webhooks
+from service.metrics import Metrics
 from service.settings import Settings
 from service.storage import BlobStore
+from service.telemetry import Telemetry
+from service.tracing import Tracing
 from service.upkeep import Upkeep
 from service.uploads import UploadStore
 
@@ -36,14 +39,15 @@ class Service:
     deliveries: DeliveryStore
     clouds: CloudStore
     uploads: UploadStore
+    telemetry: Telemetry
     keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
 
 
 @contextmanager
-def running_service(settings: Settings) -> Iterator[Service]:
+def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
     """Hold the data directory, open its store, work on its queue; stop in the reverse order."""
     with _sole_owner(settings.data_dir):
-        service = _assemble(settings)
+        service = _assemble(settings, metrics)
         service.blobs.discard_incoming()
         webhooks = Webhooks(service.store, service.deliveries, settings)
         upkeep = Upkeep(service)
@@ -55,27 +59,32 @@ def running_service(settings: Settings) -> Iterator[Service]:
             webhooks.stop()
             upkeep.stop()
             service.queue.stop(grace_s=0)
+            service.telemetry.close()
             service.database.close()
 
 
-def _assemble(settings: Settings) -> Service:
+def _assemble(settings: Settings, metrics: Metrics) -> Service:
     blobs = BlobStore(settings.data_dir)
     database = Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
     retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
     store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
     changes = Changes()
+    tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
+    telemetry = Telemetry(metrics, tracing)
+    metrics.watch(store)
     return Service(
         settings=settings,
         database=database,
         blobs=blobs,
         store=store,
-        queue=Queue(store, settings, changes.announce),
+        queue=Queue(store, settings, changes.announce, telemetry.ended),
         changes=changes,
         deliveries=DeliveryStore(database),
         clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
         uploads=UploadStore(
             database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
         ),
+        telemetry=telemetry,
     )
 
 

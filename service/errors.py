@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from typing import Any
 
@@ -12,9 +13,11 @@ from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
+from service.metrics import Metrics
 from service.problems import (
     INTERNAL,
     PROBLEM_TYPES,
+    TYPE_PREFIX,
     InvalidRequestError,
     ProblemType,
     ServiceError,
@@ -30,14 +33,35 @@ class ProblemResponse(JSONResponse):
 
     media_type = "application/problem+json"
 
+    def __init__(
+        self, content: dict[str, Any], status_code: int, headers: dict[str, str] | None
+    ) -> None:
+        super().__init__(content, status_code, headers)
+        self.kind: str = content["type"].removeprefix(TYPE_PREFIX)
 
-def register_error_handlers(app: FastAPI) -> None:
+
+Answer = Callable[[Request, Exception], ProblemResponse]
+Handler = Callable[[Request, Exception], Awaitable[ProblemResponse]]
+
+
+def register_error_handlers(app: FastAPI, metrics: Metrics) -> None:
     """Answer each exception of the table, and all others, with its problem document."""
-    for exception in PROBLEM_TYPES:
-        app.add_exception_handler(exception, _expected)
-    app.add_exception_handler(RequestValidationError, _invalid_parameters)
-    app.add_exception_handler(HTTPException, _http)
-    app.add_exception_handler(Exception, _unexpected)
+    handlers = dict.fromkeys(PROBLEM_TYPES, _expected) | {
+        RequestValidationError: _invalid_parameters,
+        HTTPException: _http,
+        Exception: _unexpected,
+    }
+    for exception, answer in handlers.items():
+        app.add_exception_handler(exception, _counted(answer, metrics))
+
+
+def _counted(answer: Answer, metrics: Metrics) -> Handler:
+    async def handler(request: Request, error: Exception) -> ProblemResponse:
+        response = answer(request, error)
+        metrics.problems.labels(response.kind).inc()
+        return response
+
+    return handler
 
 
 def invalid_request(
@@ -67,24 +91,24 @@ def _respond(
     )
 
 
-async def _expected(_: Request, error: Exception) -> ProblemResponse:
+def _expected(_: Request, error: Exception) -> ProblemResponse:
     if isinstance(error, ServiceError):
         return _respond(problem_type(error), str(error), error.headers, **error.members)
     return _respond(problem_type(error), str(error))
 
 
-async def _invalid_parameters(request: Request, error: Exception) -> ProblemResponse:
+def _invalid_parameters(request: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, RequestValidationError)  # noqa: S101
-    return await _expected(request, invalid_request(error))
+    return _expected(request, invalid_request(error))
 
 
-async def _http(_: Request, error: Exception) -> ProblemResponse:
+def _http(_: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, HTTPException)  # noqa: S101
     status = HTTPStatus(error.status_code)
     kind = ProblemType(status.value, status.phrase.lower().replace(" ", "-"), status.phrase)
     return _respond(kind, status.description or status.phrase, dict(error.headers or {}))
 
 
-async def _unexpected(request: Request, error: Exception) -> ProblemResponse:
+def _unexpected(request: Request, error: Exception) -> ProblemResponse:
     log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
     return _respond(INTERNAL, "The error was logged; the request can be sent again.")

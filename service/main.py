@@ -10,6 +10,8 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.core import Service
+from service.logs import configure_logs
+from service.settings import Settings
 
 CONNECTIONS_GRACE_S = 3
 """Seconds that open connections (event streams, waits) have left once the jobs are handed back."""
@@ -40,12 +42,15 @@ class DrainingServer(uvicorn.Server):
 
 def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
     """Serve until SIGTERM or SIGINT; the settings come from the MPE_ variables."""
-    app = create_app()
+    settings = Settings()
+    configure_logs(settings.log_level)
+    app = create_app(settings)
     config = uvicorn.Config(
         app,
         host=host,
         port=port,
         server_header=False,
+        log_config=None,
         timeout_graceful_shutdown=CONNECTIONS_GRACE_S,
     )
     DrainingServer(config, app).run()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -104,6 +104,13 @@ class Settings(BaseSettings):
         default=60, gt=0, description="Seconds within which a cloud must have been fetched."
     )
 
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
+        default="INFO", description="Least level of what is logged."
+    )
+    otlp_endpoint: str | None = Field(
+        default=None,
+        description="Where spans go, OTLP over HTTP (http://host:4318/v1/traces); unset: nowhere.",
+    )
     webhook_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="Hosts, comma-separated, that `callback_url` may name; empty: no callbacks.",

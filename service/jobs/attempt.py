@@ -23,6 +23,7 @@ from service.jobs.confinement import confine, die_with_parent
 from service.jobs.job import CloudInput, Outcome
 from service.jobs.prepared import PreparedClouds
 from service.jobs.task import Task
+from service.logs import job_id
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.result import inlier_array, result_document
 from service.sources import fetch
@@ -42,6 +43,7 @@ def run(task: Task, connection: Connection) -> None:
     die_with_parent(FORKSERVER)
     confine(task.limits)
     os.nice(WORKER_NICENESS)
+    job_id.set(task.job_id)
     tempfile.tempdir = str(task.scratch)
     numba.set_num_threads(min(task.threads, numba.config.NUMBA_NUM_THREADS))
     send(connection, _answer(task, _throttled(connection)))

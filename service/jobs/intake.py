@@ -93,6 +93,7 @@ def _with_known_result(connection: Connection, job: JobRow, retention: Retention
         warnings=row.warnings,
         result_sha256=row.result_sha256,
         inliers_sha256=row.inliers_sha256,
+        confidence=row.confidence,
         result_expires_at=now + retention.result_s,
         expires_at=now + retention.job_s,
     )

@@ -67,6 +67,7 @@ class JobRow:
     error: dict[str, Any] | None = None
     result_sha256: str | None = None
     inliers_sha256: str | None = None
+    confidence: float | None = None
     labels: dict[str, str] = field(default_factory=dict)
     priority: int = 0
     deadline_at: float | None = None

@@ -14,6 +14,7 @@ from service.jobs.job import JobRow
 from service.jobs.store import JobStore
 from service.jobs.task import ready
 from service.jobs.worker import LEASE_S, Worker
+from service.logs import about_job
 from service.settings import Settings
 
 POLL_S = 1.0
@@ -26,11 +27,15 @@ class Queue:
     """Runs as many jobs at once as there are workers; the store says which is next."""
 
     def __init__(
-        self, store: JobStore, settings: Settings, announce: Callable[[str], None]
+        self,
+        store: JobStore,
+        settings: Settings,
+        announce: Callable[[str], None],
+        ended: Callable[[JobRow], None],
     ) -> None:
         self._store = store
         self._settings = settings
-        self._worker = Worker(store, settings, announce, self._remember)
+        self._worker = Worker(store, settings, announce, self._remember, ended)
         self._running: dict[str, tuple[JobRow, Child]] = {}
         self._wake = threading.Semaphore(0)
         self._stopping = threading.Event()
@@ -109,7 +114,8 @@ class Queue:
             self._wake.acquire(timeout=POLL_S)
             return
         try:
-            self._worker.work(job)
+            with about_job(job.id):
+                self._worker.work(job)
         finally:
             self._running.pop(job.id, None)
 

@@ -6,7 +6,7 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from sqlalchemy import ColumnElement, and_, delete, select, update
+from sqlalchemy import ColumnElement, and_, delete, func, select, update
 
 from service.jobs.database import Database
 from service.jobs.intake import Idempotency, accept
@@ -81,6 +81,13 @@ class JobStore:
         with self._database.read() as connection:
             return count_jobs(connection, status)
 
+    def waiting_since(self) -> float | None:
+        """When the oldest waiting job was accepted; None when none waits."""
+        query = select(func.min(jobs.c.created_at)).where(jobs.c.status == "queued")
+        with self._database.read() as connection:
+            oldest: float | None = connection.scalar(query)
+        return oldest
+
     def claim(self, *, lease_s: float) -> JobRow | None:
         """Begin an attempt at the next job, by priority, then age; None when none waits."""
         first = (
@@ -119,7 +126,6 @@ class JobStore:
         """Commit a result; False when the attempt is no longer the job's."""
         values = asdict(outcome) | {"work_key": work_key}
         values["timing"] = _timing(job, outcome.timing)
-        del values["confidence"]
         return self._end(_mine(job), job.id, status="succeeded", **values)
 
     def fail(self, job: JobRow, error: dict[str, Any], timing: dict[str, float]) -> bool:

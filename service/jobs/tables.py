@@ -47,6 +47,7 @@ jobs = Table(
     Column("error", JSON),
     Column("result_sha256", String),
     Column("inliers_sha256", String),
+    Column("confidence", Float),
     Column("labels", JSON, nullable=False),
     # the highest goes first
     Column("priority", Integer, nullable=False),

@@ -16,6 +16,7 @@ from service.sources import FetchRules
 class Task:
     """All that one attempt needs to know."""
 
+    job_id: str
     source: CloudInput
     target: CloudInput
     options: dict[str, Any]

@@ -12,7 +12,7 @@ from typing import Any
 
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
-from service.jobs.job import CloudInput, JobRow, Outcome
+from service.jobs.job import CloudInput, JobRow, Outcome, is_terminal
 from service.jobs.store import JobStore
 from service.jobs.task import Task, run
 from service.jobs.work import work_key
@@ -36,6 +36,8 @@ class Worker:
     """Called with the job's id after each change of its row."""
     started: Callable[[JobRow, Child], None]
     """Called with the job and its child, so that a cancel can kill it."""
+    ended: Callable[[JobRow], None]
+    """Called with the job's row when an attempt has ended the job."""
 
     def work(self, job: JobRow) -> None:
         """One attempt at a claimed job, to its end in the store."""
@@ -44,11 +46,18 @@ class Worker:
         try:
             self._attempt(job, self._task(job, scratch))
         except ChildLostError as lost:
-            log.warning("attempt %d of %s was lost: %s", job.attempt, job.id, lost)
-            self.store.lose(job, str(lost))
+            if self.store.lose(job, str(lost)):
+                log.warning("attempt %d was lost: %s", job.attempt, lost)
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
             self.announce(job.id)
+        self._tell_of_end(job)
+
+    def _tell_of_end(self, job: JobRow) -> None:
+        row = self.store.get(job.id)
+        if row is not None and row.attempt == job.attempt and is_terminal(row.status):
+            log.info("registration %s", row.status, extra={"attempt": row.attempt})
+            self.ended(row)
 
     def _attempt(self, job: JobRow, task: Task) -> None:
         child = Child(run, task)
@@ -103,6 +112,7 @@ class Worker:
         settings = self.settings
         cpu_s = int(settings.threads * settings.job_timeout_s) + 10
         return Task(
+            job_id=job.id,
             source=job.source,
             target=job.target,
             options=job.options,

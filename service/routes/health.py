@@ -1,8 +1,10 @@
-"""/livez, /readyz and /v1/capacity."""
+"""/livez, /readyz, /metrics and /v1/capacity."""
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
+from fastapi.responses import PlainTextResponse
+from prometheus_client import CONTENT_TYPE_LATEST
 
 from service.dependencies import CurrentService
 from service.problems import NotReadyError
@@ -23,6 +25,17 @@ def readyz(service: CurrentService) -> Health:
     if not service.queue.is_ready:
         raise NotReadyError("The workers are not ready.", headers={"Retry-After": "1"})
     return Health()
+
+
+@router.get(
+    "/metrics",
+    operation_id="getMetrics",
+    summary="Measurements for Prometheus",
+    response_class=PlainTextResponse,
+)
+def metrics(service: CurrentService) -> Response:
+    """In Prometheus' text format."""
+    return Response(service.telemetry.metrics.exposition(), media_type=CONTENT_TYPE_LATEST)
 
 
 @router.get("/v1/capacity", operation_id="getCapacity", summary="How much can be taken on?")

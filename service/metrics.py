@@ -1,0 +1,112 @@
+"""Measurements in the format of Prometheus."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import psutil
+from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.registry import Collector
+
+from service.jobs.job import JobRow
+from service.jobs.store import JobStore
+
+STATUSES = ("queued", "running", "succeeded", "failed", "cancelled")
+SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
+SHARES = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1)
+
+
+class Metrics:
+    """What is counted while the service runs; the state of the store is read at each scrape."""
+
+    def __init__(self) -> None:
+        self.registry = CollectorRegistry()
+        self.requests = Histogram(
+            "mpe_http_request_seconds",
+            "Time to answer a request.",
+            ("method", "route", "status"),
+            buckets=SECONDS,
+            registry=self.registry,
+        )
+        self.problems = Counter(
+            "mpe_problems",
+            "Requests that were refused or failed, by type of problem.",
+            ("type",),
+            registry=self.registry,
+        )
+        self._ends = Counter(
+            "mpe_attempts",
+            "Attempts that ended their registration.",
+            ("status", "error"),
+            registry=self.registry,
+        )
+        self._fetches = Counter(
+            "mpe_fetches",
+            "Registrations with clouds from URLs, by whether they could be had.",
+            ("outcome",),
+            registry=self.registry,
+        )
+        self._stages = Histogram(
+            "mpe_stage_seconds",
+            "Time of each stage of a registration.",
+            ("stage",),
+            buckets=SECONDS,
+            registry=self.registry,
+        )
+        self._confidence = Histogram(
+            "mpe_confidence",
+            "Confidence of the results.",
+            buckets=SHARES,
+            registry=self.registry,
+        )
+
+    def ended(self, job: JobRow) -> None:
+        """Count a job that an attempt has ended."""
+        error = "" if job.error is None else job.error["type"].rpartition(":")[2]
+        self._ends.labels(job.status, error).inc()
+        for name, seconds in job.timing.items():
+            self._stages.labels(name.removesuffix("_s")).observe(seconds)
+        if job.confidence is not None:
+            self._confidence.observe(job.confidence)
+        if job.source.url is not None or job.target.url is not None:
+            self._fetches.labels("failed" if error == "fetch-failed" else "done").inc()
+
+    def watch(self, store: JobStore) -> None:
+        """Read the store, and the memory of this process and its workers, at each scrape."""
+        self.registry.register(_State(store))
+
+    def exposition(self) -> bytes:
+        """The text to be scraped."""
+        return generate_latest(self.registry)
+
+
+class _State(Collector):
+    def __init__(self, store: JobStore) -> None:
+        self._store = store
+
+    def collect(self) -> Iterator[GaugeMetricFamily]:
+        jobs = GaugeMetricFamily("mpe_jobs", "Registrations in the store.", labels=["status"])
+        for status in STATUSES:
+            jobs.add_metric([status], self._store.count(status))
+        yield jobs
+        oldest = self._store.waiting_since()
+        age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
+        yield GaugeMetricFamily("mpe_queue_age_seconds", "Age of the oldest that waits.", age)
+        memory = GaugeMetricFamily(
+            "mpe_memory_bytes",
+            "Resident memory, pages that are shared counted in each.",
+            labels=["of"],
+        )
+        process = psutil.Process()
+        memory.add_metric(["service"], process.memory_info().rss)
+        memory.add_metric(["workers"], sum(_resident(p) for p in process.children(recursive=True)))
+        yield memory
+
+
+def _resident(process: psutil.Process) -> int:
+    try:
+        return int(process.memory_info().rss)
+    except psutil.NoSuchProcess:
+        return 0

@@ -1,0 +1,28 @@
+"""Who is told that a job has ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from service.jobs.job import JobRow
+from service.metrics import Metrics
+from service.tracing import Tracing
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """Metrics always, spans when they are configured."""
+
+    metrics: Metrics
+    tracing: Tracing | None
+
+    def ended(self, job: JobRow) -> None:
+        """An attempt has ended the job."""
+        self.metrics.ended(job)
+        if self.tracing is not None:
+            self.tracing.ended(job)
+
+    def close(self) -> None:
+        """Export what is left."""
+        if self.tracing is not None:
+            self.tracing.close()
