@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from service.formats.catalogue import FORMATS, Format
 from service.formats.cloud import DecodedCloud, Limits
 from service.formats.errors import (
     CloudFileError,
@@ -12,7 +13,7 @@ from service.formats.errors import (
     UnsupportedFileError,
 )
 from service.formats.ply import write_ply
-from service.formats.reading import FORMATS, Format, read_points, sniff
+from service.formats.reading import read_points, sniff
 
 __all__ = [
     "FORMATS",

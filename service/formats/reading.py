@@ -1,68 +1,20 @@
-"""Which format a file is of, and its reader."""
+"""Which format a file is of, and its points."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-from service.formats import numpy_file, pcd, ply, text
+from service.formats.catalogue import FORMATS, Choice, Format
 from service.formats.cloud import DecodedCloud, Limits
-from service.formats.errors import TruncatedFileError, UnknownFormatError
+from service.formats.errors import (
+    MalformedFileError,
+    TruncatedFileError,
+    UnknownFormatError,
+    UnsupportedFileError,
+)
+from service.formats.wrapped import unwrapped
 
 SNIFFED_BYTES = 4096
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    name: str
-    title: str
-    extensions: tuple[str, ...]
-    sniff: Callable[[bytes], bool]
-    read: Callable[[Path, Limits], DecodedCloud]
-
-
-def _starts(*magics: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(magics)
-
-
-FORMATS = (
-    Format(
-        "ply",
-        "Stanford PLY: ASCII, binary of both byte orders; the vertices",
-        (".ply",),
-        _starts(b"ply\n", b"ply\r\n", b"ply "),
-        ply.read,
-    ),
-    Format(
-        "pcd",
-        "Point Cloud Library: ASCII, binary, binary_compressed",
-        (".pcd",),
-        pcd.sniff,
-        pcd.read,
-    ),
-    Format(
-        "npy",
-        "NumPy array (N, 3 or more), (H, W, 3), or with fields x, y, z",
-        (".npy",),
-        _starts(b"\x93NUMPY"),
-        numpy_file.read_npy,
-    ),
-    Format(
-        "npz",
-        "NumPy archive: the array called points, xyz, ..., or the only one",
-        (".npz",),
-        _starts(b"PK\x03\x04"),
-        numpy_file.read_npz,
-    ),
-    Format(
-        "xyz",
-        "text, one point a line: blanks, tabs, commas, semicolons; with header or without",
-        (".xyz", ".txt", ".csv"),
-        text.sniff,
-        text.read,
-    ),
-)
 
 
 def sniff(head: bytes) -> str | None:
@@ -71,8 +23,19 @@ def sniff(head: bytes) -> str | None:
     return found.name if found else None
 
 
-def read_points(path: str | Path, limits: Limits | None = None) -> DecodedCloud:
-    """Decode a cloud file; the content decides the format.
+def read_points(
+    path: str | Path,
+    limits: Limits | None = None,
+    *,
+    format: str | None = None,
+    scan: int | None = None,
+    surface_samples: int | None = None,
+) -> DecodedCloud:
+    """Decode a cloud file; the content decides the format, unless it is declared.
+
+    ``scan`` picks one scan, counted from 0, of a file with several, which are merged otherwise.
+    ``surface_samples`` takes that many points of a mesh's surface, spread evenly by area, instead
+    of its vertices.
 
     Raises
     ------
@@ -80,6 +43,35 @@ def read_points(path: str | Path, limits: Limits | None = None) -> DecodedCloud:
         The file cannot be read as a cloud; the message names the byte or line.
     """
     path = Path(path)
+    found = _sniffed(path) if format is None else _named(format)
+    choices: dict[Choice, int | None] = {"scan": scan, "surface_samples": surface_samples}
+    return _read(found, path, limits or Limits(), choices)
+
+
+def _read(
+    found: Format, path: Path, limits: Limits, choices: dict[Choice, int | None]
+) -> DecodedCloud:
+    if found.read is None or found.wraps(path):
+        with unwrapped(path, limits) as inner:
+            inside = _sniffed(inner)
+            if inside.read is None or inside.wraps(inner):
+                raise UnsupportedFileError("an archive within an archive")
+            return _read(inside, inner, limits, choices)
+    for name, value in choices.items():
+        if value is not None and name not in found.choices:
+            raise MalformedFileError(f"{name} is chosen, but the file is of format {found.name}")
+    return found.read(path, limits, **{name: choices[name] for name in found.choices})
+
+
+def _named(name: str) -> Format:
+    for format in FORMATS:
+        if format.name == name:
+            return format
+    names = ", ".join(format.name for format in FORMATS)
+    raise UnknownFormatError(f"no format is called {name[:40]!r}; there are {names}")
+
+
+def _sniffed(path: Path) -> Format:
     with path.open("rb") as file:
         head = file.read(SNIFFED_BYTES)
     if not head:
@@ -88,7 +80,7 @@ def read_points(path: str | Path, limits: Limits | None = None) -> DecodedCloud:
     if found is None:
         names = ", ".join(format.name for format in FORMATS)
         raise UnknownFormatError(f"begins with {head[:16]!r}: none of the formats {names}")
-    return found.read(path, limits or Limits())
+    return found
 
 
 def _find(head: bytes) -> Format | None:

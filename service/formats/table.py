@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -25,8 +25,11 @@ def read_columns(
     *,
     rows: int | None = None,
     delimiter: str | None = None,
+    keyword: str = "",
 ) -> NDArray[np.float64]:
     """Parse the given columns of the lines from byte ``offset`` on; blank lines are skipped.
+
+    With a ``keyword``, only lines that begin with it and a blank count; it is column 0.
 
     ``first_line`` is the number of the line at ``offset`` in the file, for messages. ``rows`` is
     the number of rows wanted, None for all. Returns (rows, len(columns)).
@@ -49,7 +52,7 @@ def read_columns(
         file.seek(offset)
         try:
             table = np.loadtxt(
-                file,
+                _with_keyword(file, keyword) if keyword else file,
                 delimiter=delimiter,
                 usecols=tuple(columns),
                 max_rows=min(lines, limits.max_points + 1 if rows is None else rows),
@@ -57,13 +60,19 @@ def read_columns(
                 ndmin=2,
             )
         except ValueError as error:
-            raise _first_mistake(path, offset, first_line, columns, delimiter, error) from None
+            raise _first_mistake(
+                path, offset, first_line, columns, delimiter, keyword, error
+            ) from None
     table = table.reshape(-1, len(columns))
     if len(table) > limits.max_points:
         raise FileLimitError(f"more than {limits.max_points} rows")
     if rows is not None and len(table) < rows:
         raise TruncatedFileError(f"the file ends after {len(table)} of {rows} announced rows")
     return table
+
+
+def _with_keyword(lines: Iterable[str], keyword: str) -> Iterator[str]:
+    return (line for line in lines if line.startswith((f"{keyword} ", f"{keyword}\t")))
 
 
 def ends_with_newline(path: Path) -> bool:
@@ -100,6 +109,7 @@ def _first_mistake(
     first_line: int,
     columns: Sequence[int],
     delimiter: str | None,
+    keyword: str,
     error: ValueError,
 ) -> MalformedFileError:
     """Name the first line without a number in one of the columns."""
@@ -108,6 +118,8 @@ def _first_mistake(
         for number, raw in enumerate(file, first_line):
             line = raw.decode("latin1")
             if not line.strip() or line.lstrip().startswith("#"):
+                continue
+            if keyword and not line.startswith((f"{keyword} ", f"{keyword}\t")):
                 continue
             fields = line.split("#")[0].strip().split(delimiter)
             if len(fields) <= max(columns):

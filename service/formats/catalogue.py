@@ -1,0 +1,157 @@
+"""The formats that are read, in the order in which a file is tried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from service.formats import (
+    e57,
+    gltf,
+    kitti,
+    las,
+    mesh,
+    mesh_text,
+    numpy_file,
+    pcd,
+    ply,
+    ptx,
+    text,
+    wrapped,
+)
+from service.formats.cloud import DecodedCloud
+
+Choice = Literal["scan", "surface_samples"]
+
+
+def _never(_: Any) -> bool:
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    name: str
+    title: str
+    extensions: tuple[str, ...]
+    sniff: Callable[[bytes], bool]
+    read: Callable[..., DecodedCloud] | None
+    """Takes the path, the limits, and the choices by their names; None: it only wraps."""
+    choices: tuple[Choice, ...] = ()
+    wraps: Callable[[Path], bool] = _never
+    """Whether a file of this format is one around another, which is to be read instead."""
+
+
+def _starts(*magics: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(magics)
+
+
+FORMATS = (
+    Format(
+        "ply",
+        "Stanford PLY: ASCII, binary of both byte orders; the vertices",
+        (".ply",),
+        _starts(b"ply\n", b"ply\r\n", b"ply "),
+        ply.read,
+    ),
+    Format(
+        "pcd",
+        "Point Cloud Library: ASCII, binary, binary_compressed",
+        (".pcd",),
+        pcd.sniff,
+        pcd.read,
+    ),
+    Format(
+        "las",
+        "ASPRS LAS 1.0 to 1.4 and LAZ, scale and offset in float64",
+        (".las", ".laz"),
+        _starts(las.MAGIC),
+        las.read,
+    ),
+    Format(
+        "e57",
+        "ASTM E57: one scan, or all merged",
+        (".e57",),
+        _starts(e57.MAGIC),
+        e57.read,
+        ("scan",),
+    ),
+    Format(
+        "ptx",
+        "Leica PTX: one scan, or all merged",
+        (".ptx",),
+        ptx.sniff,
+        ptx.read,
+        ("scan",),
+    ),
+    Format(
+        "npy",
+        "NumPy array (N, 3 or more), (H, W, 3), or with fields x, y, z",
+        (".npy",),
+        _starts(numpy_file.MAGIC),
+        numpy_file.read_npy,
+    ),
+    Format(
+        "gltf",
+        "glTF 2.0 with its data inside: vertices, or samples of the surface",
+        (".glb", ".gltf"),
+        gltf.sniff,
+        mesh.read_gltf,
+        ("surface_samples",),
+    ),
+    Format(
+        "stl",
+        "STL, binary and ASCII: vertices, or samples of the surface",
+        (".stl",),
+        mesh.sniff_stl,
+        mesh.read_stl,
+        ("surface_samples",),
+    ),
+    Format(
+        "obj",
+        "Wavefront OBJ: vertices, or samples of the surface",
+        (".obj",),
+        mesh_text.sniff_obj,
+        mesh.read_obj,
+        ("surface_samples",),
+    ),
+    Format(
+        "off",
+        "Object File Format: vertices, or samples of the surface",
+        (".off",),
+        mesh_text.sniff_off,
+        mesh.read_off,
+        ("surface_samples",),
+    ),
+    Format(
+        "zip",
+        "NumPy archive (.npz): the array called points, xyz, ..., or the only one; "
+        "or one file of any format, zipped",
+        (".npz", ".zip"),
+        _starts(wrapped.ZIP_MAGIC),
+        numpy_file.read_npz,
+        wraps=wrapped.zips_one_file,
+    ),
+    Format(
+        "gzip",
+        "one file of any format, compressed by gzip",
+        (".gz",),
+        _starts(wrapped.GZIP_MAGIC),
+        None,
+    ),
+    Format(
+        "xyz",
+        "text, one point a line: blanks, tabs, commas, semicolons; with header or without; PTS",
+        (".xyz", ".txt", ".csv", ".pts", ".asc"),
+        text.sniff,
+        text.read,
+    ),
+    Format(
+        "kitti",
+        "rows of four float32, x, y, z, intensity, without a header: only if declared",
+        (".bin",),
+        _never,
+        kitti.read,
+    ),
+)

@@ -1,0 +1,115 @@
+"""ASTM E57, by pye57: one or several scans of a file, in its common frame."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.errors import (
+    CloudFileError,
+    FileLimitError,
+    MalformedFileError,
+    TruncatedFileError,
+    UnsupportedFileError,
+)
+from service.formats.scans import chosen
+
+MAGIC = b"ASTM-E57"
+_LARGEST_XML = 16 << 20
+_CHUNK = 1_000_000
+_CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
+_SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+
+
+def read(path: Path, limits: Limits, scan: int | None) -> DecodedCloud:
+    """Read the points of a scan (counted from 0), or of all scans, moved by their poses.
+
+    Points that the file marks as invalid become NaN, so that indices keep counting them.
+
+    Raises
+    ------
+    CloudFileError
+        The file is damaged, has a scan of another kind, or has no such scan.
+    """
+    import pye57
+
+    _check_header(path)
+    try:
+        file = pye57.E57(str(path))
+        headers = [file.get_header(i) for i in range(file.scan_count)]
+        total = sum(header.point_count for header in headers)
+        check_count(total, 0, 0, f"{len(headers)} scans", limits)
+        wanted, warnings = chosen(len(headers), scan)
+        parts = [_scan(file, headers[i]) for i in wanted]
+        file.close()
+    except CloudFileError:
+        raise
+    except (pye57.libe57.E57Exception, RuntimeError, ValueError, TypeError, KeyError) as error:
+        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        raise MalformedFileError(f"the E57 file cannot be read: {reason}") from None
+    return DecodedCloud(np.concatenate(parts), "e57", warnings)
+
+
+def _check_header(path: Path) -> None:
+    """The file is whole, and its XML is short and declares no entities."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(48)
+        if len(head) < 48:
+            raise TruncatedFileError(f"byte {len(head)}: the file ends within the E57 header")
+        length, xml_at, xml_length, page = struct.unpack_from("<4Q", head, 16)
+        if length != size:
+            raise TruncatedFileError(f"byte 16: {length} bytes announced, {size} are there")
+        if xml_length > _LARGEST_XML:
+            raise FileLimitError(f"byte 32: {xml_length} bytes of XML; at most {_LARGEST_XML}")
+        if page != 1024 or not 48 <= xml_at <= size:
+            raise MalformedFileError(f"byte 24: XML at byte {xml_at}, in pages of {page} bytes")
+        start = xml_at - xml_at % page
+        file.seek(start)
+        pages = file.read((xml_length // (page - 4) + 2) * page)
+    xml = b"".join(pages[i : i + page - 4] for i in range(0, len(pages), page))
+    if re.search(rb"<!\s*(DOCTYPE|ENTITY)", xml[xml_at - start :]):
+        raise UnsupportedFileError("the XML declares a document type or entities")
+
+
+def _scan(file: Any, header: Any) -> NDArray[np.float64]:
+    fields = set(header.point_fields)
+    if fields.issuperset(_CARTESIAN):
+        names, invalid = _CARTESIAN, "cartesianInvalidState"
+    elif fields.issuperset(_SPHERICAL):
+        names, invalid = _SPHERICAL, "sphericalInvalidState"
+    else:
+        raise UnsupportedFileError(f"a scan with the fields {sorted(fields)[:9]}")
+    columns = [*names, invalid] if invalid in fields else [*names]
+    capacity = min(_CHUNK, max(1, header.point_count))
+    data, buffers = file.make_buffers(columns, capacity)
+    reader = header.points.reader(buffers)
+    parts = [np.empty((0, 3))]
+    while got := reader.read():
+        rows = np.stack([data[name][:got] for name in names], axis=1).astype(np.float64)
+        if invalid in data:
+            rows[data[invalid][:got] != 0] = np.nan
+        parts.append(rows)
+    points = np.concatenate(parts)
+    if len(points) != header.point_count:
+        raise TruncatedFileError(f"{len(points)} of {header.point_count} points are there")
+    if names is _SPHERICAL:
+        points = _cartesian(points)
+    if header.has_pose():
+        points = points @ header.rotation_matrix.T + header.translation
+    return points
+
+
+def _cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """x, y, z from range, azimuth and elevation (ASTM E2807, 8.4.4.2)."""
+    distance, azimuth, elevation = points.T
+    flat = distance * np.cos(elevation)
+    return np.stack(
+        [flat * np.cos(azimuth), flat * np.sin(azimuth), distance * np.sin(elevation)], axis=1
+    )

@@ -1,0 +1,95 @@
+"""What a glTF file announces, checked before trimesh takes memory for it."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+from service.formats.cloud import Limits, check_count
+from service.formats.errors import (
+    FileLimitError,
+    MalformedFileError,
+    TruncatedFileError,
+    UnsupportedFileError,
+)
+
+MAGIC = b"glTF"
+_LARGEST_JSON = 64 << 20
+_MOST_NODES = 100_000
+
+
+def sniff(head: bytes) -> bool:
+    """Whether it is a .glb, or JSON that speaks of an "asset" early on, as .gltf does."""
+    return head.startswith(MAGIC) or (head.lstrip()[:1] == b"{" and b'"asset"' in head)
+
+
+def check_gltf(path: Path, limits: Limits) -> str:
+    """Return "glb" or "gltf".
+
+    Raises
+    ------
+    CloudFileError
+        The file is cut, refers to other files, or announces more than it holds.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(20)
+        binary = head.startswith(MAGIC)
+        if binary:
+            length = _check_binary_header(head, size)
+        else:
+            file.seek(0)
+            length = size
+        if length > _LARGEST_JSON:
+            raise FileLimitError(f"{length} bytes of JSON; at most {_LARGEST_JSON}")
+        text = file.read(length)
+    try:
+        document = json.loads(text)
+        _check_document(document, size, limits)
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        if isinstance(error, (MalformedFileError, FileLimitError, UnsupportedFileError)):
+            raise
+        raise MalformedFileError(
+            f"the JSON of the glTF file is not in order: {error!r}"[:300]
+        ) from None
+    return "glb" if binary else "gltf"
+
+
+def _check_binary_header(head: bytes, size: int) -> int:
+    if len(head) < 20:
+        raise TruncatedFileError(f"byte {len(head)}: the file ends within the glTF header")
+    version, total, length, kind = struct.unpack_from("<III4s", head, 4)
+    if version != 2 or kind != b"JSON":
+        raise UnsupportedFileError(f"byte 4: glTF version {version}, first chunk {kind!r}")
+    if total != size or length > size - 20:
+        raise TruncatedFileError(f"byte 8: {total} bytes announced, {size} are there")
+    return int(length)
+
+
+def _check_document(document: dict[str, Any], size: int, limits: Limits) -> None:
+    for item in [*document.get("buffers", []), *document.get("images", [])]:
+        if not str(item.get("uri", "data:")).startswith("data:"):
+            raise UnsupportedFileError("data in other files; send a .glb, which has all inside")
+    for number, accessor in enumerate(document.get("accessors", [])):
+        if "bufferView" not in accessor or "sparse" in accessor:
+            raise UnsupportedFileError(f"accessor {number} is sparse or compressed")
+        count = accessor["count"]
+        if not isinstance(count, int) or count < 0 or count > size:
+            raise TruncatedFileError(f"accessor {number} has {count!r} elements in {size} bytes")
+    nodes = document.get("nodes", [])
+    children = [child for node in nodes for child in node.get("children", [])]
+    if len(nodes) > _MOST_NODES or len(set(children)) != len(children):
+        raise MalformedFileError(f"{len(nodes)} nodes, of which some have two parents or too many")
+    check_count(_placed_vertices(document, nodes), 0, 0, "the nodes", limits)
+
+
+def _placed_vertices(document: dict[str, Any], nodes: list[dict[str, Any]]) -> int:
+    """Vertices of all meshes, each as often as nodes place it."""
+    accessors = document.get("accessors", [])
+    sizes = [
+        sum(accessors[part["attributes"]["POSITION"]]["count"] for part in mesh["primitives"])
+        for mesh in document.get("meshes", [])
+    ]
+    return sum(sizes[node["mesh"]] for node in nodes if "mesh" in node)

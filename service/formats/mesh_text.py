@@ -1,0 +1,58 @@
+"""Vertices of the meshes that are text, OBJ and OFF, in the order of the file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.errors import MalformedFileError
+from service.formats.table import head_lines, read_columns
+
+_OBJ = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:v|vn|vt|o|g|s|f|mtllib|usemtl)[ \t]")
+_OFF = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:ST)?C?N?OFF\s")
+
+
+def sniff_obj(head: bytes) -> bool:
+    """Whether the first line that is no comment is a statement of OBJ."""
+    return _OBJ.match(head) is not None
+
+
+def sniff_off(head: bytes) -> bool:
+    """Whether the first line that is no comment says OFF; of colours and normals too."""
+    return _OFF.match(head) is not None and b"BINARY" not in head[:80]
+
+
+def read_obj(path: Path, limits: Limits) -> DecodedCloud:
+    """Read the lines "v x y z ..." of an OBJ file.
+
+    Raises
+    ------
+    CloudFileError
+        With the line at fault.
+    """
+    points = read_columns(path, 0, 1, (1, 2, 3), limits, keyword="v")
+    return DecodedCloud(points, "obj")
+
+
+def read_off(path: Path, limits: Limits) -> DecodedCloud:
+    """Read the vertices of an OFF file.
+
+    Raises
+    ------
+    CloudFileError
+        With the line at fault.
+    """
+    words: list[str] = []
+    lines = head_lines(path, limits)
+    number = 0
+    for number, line in enumerate(lines, 1):  # noqa: B007
+        words += line.split("#")[0].split()
+        if len(words) >= 4 or (len(words) >= 2 and not words[1].isdecimal()):
+            break
+    if len(words) != 4 or not all(word.isdecimal() and len(word) < 19 for word in words[1:]):
+        raise MalformedFileError(f"line {number}: expected OFF and three counts, got {words[:5]}")
+    offset, count = sum(len(line) + 1 for line in lines[:number]), int(words[1])
+    check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
+    points = read_columns(path, offset, number + 1, (0, 1, 2), limits, rows=count)
+    return DecodedCloud(points, "off")
