@@ -13,11 +13,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results"
 DATA = Path(os.environ.get("MPE_DATA", Path(__file__).parent.parent.parent / "shared" / "data"))
+INTRODUCTION = """# Results
+
+Each page has its table, the command that made it, the time it took and the versions; the
+raw figures are in the JSON file of the same name. `make bench` and `make paper` make them all. They
+need the real clouds (`MPE_DATA`). The machine had two cores, not always idle.
+"""
 PACKAGES = ("mpe", "numpy", "scipy", "numba", "open3d-cpu", "kiss-matcher", "small-gicp", "pycpd")
 
 Result = dict[str, Any]
@@ -49,21 +54,45 @@ def main(experiments: Sequence[Experiment], command: str) -> None:
 
 def _save(experiment: Experiment, command: str, seconds: float, result: Result) -> None:
     RESULTS.mkdir(parents=True, exist_ok=True)
-    kept = {"command": command, "seconds": seconds, "environment": environment(), "result": result}
-    text = json.dumps(kept, indent=1, default=float)
-    (RESULTS / f"{experiment.name}.json").write_text(text + "\n")
-    picture = ""
-    if experiment.draw:
-        mpl.use("Agg")
-        figure = Figure(figsize=(8, 5), layout="constrained")
-        experiment.draw(result, figure)
-        figure.savefig(RESULTS / f"{experiment.name}.png", dpi=110)
-        picture = f"\n\n![{experiment.title}]({experiment.name}.png)"
-    page = (
-        f"# {experiment.title}\n\n{experiment.table(result)}{picture}\n\n"
-        f"`{command}`, {seconds} s; {described(kept['environment'])}.\n"
+    kept = {
+        "title": experiment.title,
+        "command": command,
+        "seconds": seconds,
+        "environment": environment(),
+        "result": result,
+    }
+    (RESULTS / f"{experiment.name}.json").write_text(
+        json.dumps(kept, indent=1, default=float) + "\n"
     )
-    (RESULTS / f"{experiment.name}.md").write_text(page)
+    if experiment.draw:
+        _draw(experiment, result)
+    (RESULTS / f"{experiment.name}.md").write_text(_page(experiment, kept))
+    _write_index()
+
+
+def _draw(experiment: Experiment, result: Result) -> None:
+    figure = Figure(figsize=(8, 5), layout="constrained")
+    experiment.draw(result, figure)
+    figure.savefig(RESULTS / f"{experiment.name}.png", dpi=110)
+
+
+def _page(experiment: Experiment, kept: dict[str, Any]) -> str:
+    picture = f"![{experiment.title}]({experiment.name}.png)\n\n" if experiment.draw else ""
+    return (
+        f"# {experiment.title}\n\n{experiment.table(kept['result'])}\n\n{picture}"
+        f"`{kept['command']}`, {kept['seconds']} s; {described(kept['environment'])}.\n"
+    )
+
+
+def _write_index() -> None:
+    """docs/results/README.md: every result there is, with its command and its picture."""
+    lines = [INTRODUCTION]
+    for path in sorted(RESULTS.glob("*.json")):
+        kept = json.loads(path.read_text())
+        lines.append(f"## [{kept['title']}]({path.stem}.md)\n\n`{kept['command']}`\n")
+        if (RESULTS / f"{path.stem}.png").is_file():
+            lines.append(f"![{kept['title']}]({path.stem}.png)\n")
+    (RESULTS / "README.md").write_text("\n".join(lines))
 
 
 def environment() -> dict[str, str | int]:

@@ -39,7 +39,7 @@ def _trial(part: str, seed: int) -> Trial:
 
 
 def _precision(trial: Trial, pairs: NDArray[np.integer]) -> float:
-    """Right ones of the matched rows (K, 2) over the true matches that there are, as in the paper."""
+    """Right ones of the matched rows (K, 2) over all true matches, as in the paper."""
     tree = KDTree(trial.target)
     limit = TOLERANCE * float(np.median(tree.query(trial.target, k=2)[0][:, 1]))
     true_matches = (tree.query(apply(trial.T_target_source, trial.source))[0] < limit).sum()
