@@ -48,7 +48,7 @@ def check_gltf(path: Path, limits: Limits) -> str:
     try:
         document = json.loads(text)
         _check_document(document, size, limits)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         if isinstance(error, (MalformedFileError, FileLimitError, UnsupportedFileError)):
             raise
         raise MalformedFileError(

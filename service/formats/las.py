@@ -23,8 +23,8 @@ from service.formats.errors import (
 MAGIC = b"LASF"
 _SMALLEST_HEADER = 227
 _VLR_BYTES, _EVLR_BYTES = 54, 60
-_CHUNK = 1_000_000
-_LARGEST_CHUNK = 16 * _CHUNK
+_CHUNK = 100_000
+_LARGEST_CHUNK = 16_000_000
 _COMPRESSED = 0x80  # of the point format
 _SIZES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)  # of the point formats 0 to 10
 
@@ -35,6 +35,11 @@ class _Header:
     offset: int
     row: int
     compressed: bool
+    by_return: int
+    """Sum of the points by return; some writers leave it 0."""
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    scale: float
 
 
 def read(path: Path, limits: Limits) -> DecodedCloud:
@@ -52,9 +57,22 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     if len(points) < header.count:
         raise TruncatedFileError(f"{len(points)} points decoded, {header.count} are announced")
     left = size - header.offset - header.count * header.row
-    odd = not header.compressed and left > 0
-    warnings = (f"{left} bytes after the last point are ignored",) if odd else ()
+    warnings = _doubts(header, points)
+    if left > 0 and not header.compressed:
+        warnings += (f"{left} bytes after the last point are ignored",)
     return DecodedCloud(points, "laz" if header.compressed else "las", warnings)
+
+
+def _doubts(header: _Header, points: NDArray[np.float64]) -> tuple[str, ...]:
+    """LAZ data that has ended goes on as noise: its points leave the box of the header."""
+    inside = (points >= header.low - header.scale) & (points <= header.high + header.scale)
+    outside = len(points) - int(inside.all(axis=1).sum())
+    if outside and header.compressed and header.by_return != header.count:
+        raise MalformedFileError(
+            f"byte 107: {header.count} points announced, {header.by_return} by return, "
+            f"and {outside} of them outside of the announced bounds"
+        )
+    return (f"{outside} points lie outside of the header's bounds",) if outside else ()
 
 
 def _check_header(head: bytes, size: int, limits: Limits) -> _Header:
@@ -84,7 +102,18 @@ def _check_header(head: bytes, size: int, limits: Limits) -> _Header:
     if not np.isfinite(struct.unpack_from("<6d", head, 131)).all():
         raise MalformedFileError("byte 131: a scale or offset that is not finite")
     check_count(count, 0 if compressed else row, size - offset, "byte 107", limits)
-    return _Header(count, offset, row, compressed)
+    by_return = struct.unpack_from("<15Q", head, 255) if minor == 4 else ()
+    bounds = np.array(struct.unpack_from("<6d", head, 179)).reshape(3, 2)
+    return _Header(
+        count,
+        offset,
+        row,
+        compressed,
+        sum(by_return or struct.unpack_from("<5I", head, 111)),
+        bounds[:, 1],
+        bounds[:, 0],
+        max(map(abs, struct.unpack_from("<3d", head, 131))),
+    )
 
 
 def _decode(path: Path, count: int) -> NDArray[np.float64]:

@@ -63,6 +63,8 @@ def read_gltf(path: Path, limits: Limits, surface_samples: int | None) -> Decode
 def _read(path: Path, limits: Limits, kind: str, surface_samples: int | None) -> DecodedCloud:
     name = "gltf" if kind == "glb" else kind
     vertices, faces = _load(path, kind)
+    if len(vertices) == 0:
+        raise MalformedFileError("the mesh has no vertices")
     check_count(len(vertices), 0, 0, "the vertices", limits)
     if surface_samples is None:
         points = _distinct(vertices) if kind == "stl" else vertices
@@ -117,11 +119,15 @@ def _sampled(
 
 
 def _check_stl(path: Path, limits: Limits) -> None:
-    """A binary file holds as many triangles as it announces, no more and no fewer."""
+    """A binary file holds the triangles that it announces, an ASCII file has its end."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(1024)
+        file.seek(max(0, size - 1024))
+        tail = file.read()
     if head.lstrip().startswith(b"solid") and b"facet" in head:
+        if b"endsolid" not in tail:
+            raise TruncatedFileError(f"byte {size}: the file ends before 'endsolid'")
         return
     count = struct.unpack_from("<I", head, 80)[0] if len(head) >= _STL_HEAD else 0
     check_count(3 * count, 0, 0, "byte 80", limits)

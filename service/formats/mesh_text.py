@@ -32,6 +32,8 @@ def read_obj(path: Path, limits: Limits) -> DecodedCloud:
         With the line at fault.
     """
     points = read_columns(path, 0, 1, (1, 2, 3), limits, keyword="v")
+    if len(points) == 0:
+        raise MalformedFileError("no line begins with 'v'")
     return DecodedCloud(points, "obj")
 
 

@@ -60,7 +60,7 @@ def test_points_are_those_of_the_file(tmp_path: Path, kind: str) -> None:
     content = seeds()[kind]
     cloud = decode(tmp_path, content)
     np.testing.assert_array_equal(cloud.points.astype(np.float32), POINTS)
-    assert cloud.format == sniff(content[:4096])
+    assert sniff(content[:4096]) == {"npz": "zip"}.get(cloud.format, cloud.format)
     assert cloud.points.dtype.isnative
     if cloud.format in ("ply", "pcd", "npz"):
         assert cloud.normals is not None

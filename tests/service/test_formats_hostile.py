@@ -22,7 +22,9 @@ from service.formats import (
     read_points,
 )
 from tests.service.cloud_files import POINTS, npy, npz, pcd, ply, seeds, text_rows
+from tests.service.scanner_files import e57, las, scanner_seeds
 
+ALL = seeds() | scanner_seeds()
 MOST_MEMORY = 8 << 20  # bytes; the files here have a few kilobytes
 
 
@@ -61,9 +63,9 @@ def test_a_cut_file_is_an_error_or_gives_its_points(tmp_path: Path, kind: str) -
             np.testing.assert_array_equal(points, POINTS)
 
 
-@pytest.mark.parametrize("kind", seeds())
+@pytest.mark.parametrize("kind", ALL)
 def test_flipped_bits_are_an_error_or_points(tmp_path: Path, kind: str) -> None:
-    content = seeds()[kind]
+    content = ALL[kind]
     rng = np.random.default_rng(len(content))
     for _ in range(150):
         damaged = bytearray(content)
@@ -75,6 +77,20 @@ def test_flipped_bits_are_an_error_or_points(tmp_path: Path, kind: str) -> None:
         if isinstance(found, DecodedCloud):
             assert found.points.shape[1:] == (3,)
             assert len(found.points) <= len(content)
+
+
+@pytest.mark.parametrize("kind", scanner_seeds())
+def test_a_cut_scanner_file_is_an_error_or_gives_its_points(tmp_path: Path, kind: str) -> None:
+    """What stands behind the points (faces, the end of a solid) may be cut; text cannot know."""
+    content = ALL[kind]
+    whole = attempt(tmp_path, content)
+    assert isinstance(whole, DecodedCloud)
+    for size in np.unique(np.linspace(0, len(content) - 1, 120).astype(int)):
+        found = attempt(tmp_path, content[:size])
+        if isinstance(found, DecodedCloud):
+            count = len(found.points)
+            assert count == len(whole.points) or kind == "obj", size
+            np.testing.assert_array_equal(found.points[:-1], whole.points[: count - 1])
 
 
 def zip_of(name: str, content: bytes, method: int = zipfile.ZIP_DEFLATED) -> bytes:
@@ -96,7 +112,33 @@ class _Pickle:
 COMPRESSED = pcd("binary_compressed")
 SIZES_AT = COMPRESSED.index(b"binary_compressed\n") + len(b"binary_compressed\n")
 MANY = str(10**17).encode()
+LAS, LAZ = las(), las(compressed=True)
+
+
+def patched(content: bytes, at: int, form: str, value: int | float) -> bytes:
+    """The content with a number replaced."""
+    packed = struct.pack(form, value)
+    return content[:at] + packed + content[at + len(packed) :]
+
+
 LIES = {
+    "las points 4e9": patched(LAS, 107, "<I", 4_000_000_000),
+    "las one more": patched(LAS, 107, "<I", 41),
+    "las records 4e9": patched(LAS, 100, "<I", 4_000_000_000),
+    "las header 65535": patched(LAS, 94, "<H", 65535),
+    "las points behind the end": patched(LAS, 96, "<I", 2**31),
+    "las rows of 1 byte": patched(LAS, 105, "<H", 1),
+    "las format 60": patched(LAS, 104, "<B", 60),
+    "las scale NaN": patched(LAS, 131, "<d", float("nan")),
+    "las 1.4 extended records 4e9": patched(las(version="1.4"), 243, "<I", 4_000_000_000),
+    "las 1.4 points 1e18": patched(las(version="1.4"), 247, "<Q", 10**18),
+    "laz one more": patched(LAZ, 107, "<I", 41),
+    "laz points 4e9": patched(LAZ, 107, "<I", 4_000_000_000),
+    "laz points 49 million": patched(LAZ, 107, "<I", 49_000_000),
+    "e57 length": patched(e57(), 16, "<Q", 10**15),
+    "e57 XML at 1e18": patched(e57(), 24, "<Q", 10**18),
+    "e57 XML of 1e18": patched(e57(), 32, "<Q", 10**18),
+    "e57 pages of 0": patched(e57(), 40, "<Q", 0),
     "ply counts 1e17": ply().replace(b"vertex 40", b"vertex " + MANY),
     "ply counts 4e9": ply().replace(b"vertex 40", b"vertex 4000000000"),
     "ply counts one more": ply().replace(b"vertex 40", b"vertex 41"),

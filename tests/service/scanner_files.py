@@ -1,0 +1,170 @@
+"""Small files of the formats that libraries read: LAS, LAZ, E57, meshes, PTX, and wrapped ones."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import io
+import json
+import struct
+import tempfile
+import zipfile
+from functools import cache
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pye57
+
+from tests.service.cloud_files import POINTS, ply, text_rows
+
+DOUBLES = POINTS.astype(np.float64)
+FACES = np.array([(i, i + 1, i + 2) for i in range(38)])
+QUARTER_TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+MOVE = np.array([10.0, 20, 30])
+
+
+@cache
+def las(*, compressed: bool = False, version: str = "1.2") -> bytes:
+    kind = 6 if version == "1.4" else 3
+    header = laspy.LasHeader(point_format=kind, version=version)
+    header.scales, header.offsets = np.full(3, 0.001), np.array([500_000.0, 4_000_000, 0])
+    data = laspy.LasData(header)
+    data.x, data.y, data.z = (DOUBLES + header.offsets).T
+    data.intensity = np.arange(40)
+    file = io.BytesIO()
+    data.write(file, do_compress=compressed, laz_backend=laspy.LazBackend.Lazrs)
+    return file.getvalue()
+
+
+@cache
+def e57(scans: int = 1) -> bytes:
+    """Each scan is the points as they were before a quarter turn and a move."""
+    half_angle = np.sqrt(0.5)
+    local = (DOUBLES - MOVE) @ QUARTER_TURN
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.e57"
+        file = pye57.E57(str(path), mode="w")
+        for part in np.array_split(local, scans):
+            columns = dict(
+                zip(("cartesianX", "cartesianY", "cartesianZ"), part.T.copy(), strict=True)
+            )
+            file.write_scan_raw(
+                columns,
+                rotation=np.array([half_angle, 0, 0, half_angle]),
+                translation=MOVE,
+            )
+        file.close()
+        return path.read_bytes()
+
+
+def stl_binary() -> bytes:
+    """13 triangles: the first 39 points, three by three."""
+    rows = [struct.pack("<3f9fH", 0, 0, 1, *corners, 0) for corners in POINTS[:39].reshape(13, 9)]
+    return b"made by hand".ljust(80) + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+def stl_ascii() -> bytes:
+    lines = ["solid made by hand"]
+    for corners in POINTS[:39].reshape(13, 3, 3):
+        lines += ["facet normal 0 0 1", "outer loop"]
+        lines += [f"vertex {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid\n"]).encode()
+
+
+def obj() -> bytes:
+    lines = ["# by hand", "mtllib ../../../etc/passwd", "vn 0 0 1"]
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in POINTS]
+    lines += [f"f {a + 1}//1 {b + 1}//1 {c + 1}//1" for a, b, c in FACES]
+    return "\n".join([*lines, ""]).encode()
+
+
+def off() -> bytes:
+    faces = "".join(f"3 {a} {b} {c}\n" for a, b, c in FACES)
+    return b"OFF\n# by hand\n40 38 0\n" + text_rows(POINTS) + faces.encode()
+
+
+def _gltf() -> tuple[dict[str, object], bytes]:
+    """A document and its data: a node moves the mesh, whose vertices are moved back."""
+    data = (POINTS - MOVE.astype(np.float32)).tobytes() + FACES.astype("<u4").tobytes()
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": MOVE.tolist()}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 40, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 114, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 480},
+            {"buffer": 0, "byteOffset": 480, "byteLength": 456},
+        ],
+        "buffers": [{"byteLength": len(data)}],
+    }
+    return document, data
+
+
+def gltf() -> bytes:
+    document, data = _gltf()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    return json.dumps(document | {"buffers": [{"byteLength": len(data), "uri": uri}]}).encode()
+
+
+def glb(**changes: object) -> bytes:
+    document, data = _gltf()
+    text = json.dumps(document | changes).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def ptx(scans: int = 1) -> bytes:
+    """Each scan before a quarter turn and a move, as row vectors times the matrix."""
+    content = b""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[3, :3] = QUARTER_TURN.T, MOVE
+    for part in np.array_split((DOUBLES - MOVE) @ QUARTER_TURN, scans):
+        content += f"{len(part) // 4}\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n".encode()
+        content += text_rows(matrix)
+        content += text_rows(np.column_stack([part, np.full(len(part), 0.5)]))
+    return content
+
+
+def pts() -> bytes:
+    rows = np.column_stack([POINTS, np.full(40, -900), np.full((40, 3), 128)])
+    return b"40\n" + text_rows(rows)
+
+
+def kitti() -> bytes:
+    return np.column_stack([POINTS, np.ones(40)]).astype("<f4").tobytes()
+
+
+def zipped(content: bytes, name: str = "scans/../../../étage 2.ply") -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(name, content)
+    return file.getvalue()
+
+
+def scanner_seeds() -> dict[str, bytes]:
+    """One valid file of every kind."""
+    return {
+        "las": las(),
+        "las 1.4": las(version="1.4"),
+        "laz": las(compressed=True),
+        "e57": e57(),
+        "stl binary": stl_binary(),
+        "stl ascii": stl_ascii(),
+        "obj": obj(),
+        "off": off(),
+        "gltf": gltf(),
+        "glb": glb(),
+        "ptx": ptx(),
+        "pts": pts(),
+        "gzip": gzip.compress(ply(), mtime=0),
+        "zip": zipped(ply()),
+    }
