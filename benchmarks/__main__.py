@@ -3,5 +3,8 @@
 from benchmarks.experiment import main
 from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
+from benchmarks.scaling import SCALING
+from benchmarks.service import SERVICE
 
-main([KERNELS, PAIRS], "python -m benchmarks")
+if __name__ == "__main__":
+    main([KERNELS, PAIRS, SCALING, SERVICE], "python -m benchmarks")

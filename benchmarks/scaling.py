@@ -1,0 +1,89 @@
+"""Time and memory of a registration against the number of points, and against the threads."""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+from functools import partial
+
+import numba
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.experiment import Experiment, Result, markdown, timed
+from mpe_core import register
+from tests.checks import pose_error
+from tests.clouds import knot, moved
+
+COUNTS = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
+NOISE = 0.0005
+REPEATS = 3
+THREADS_AT = 100_000
+
+
+def _measure(count: int, threads: int) -> Result:
+    """In a process of its own, so that the peak of the memory is this job's."""
+    numba.set_num_threads(threads)
+    rng = np.random.default_rng(count)
+    trial = moved(knot(count, rng), rng, largest_deg=180, noise=NOISE)
+    small = knot(1000, rng)
+    register(small, small)  # loads what the first call loads
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    repeats = REPEATS if count <= THREADS_AT else 1
+    calls = [timed(register, trial.source, trial.target) for _ in range(repeats)]
+    found = calls[0][0]
+    return {
+        "points": count,
+        "threads": threads,
+        "seconds": float(np.median([seconds for _, seconds in calls])),
+        "stages": found.timing,
+        "extra_mb": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024,
+        "degrees": pose_error(found.T_target_source, trial.T_target_source, trial.source)[0],
+    }
+
+
+def run() -> Result:
+    every = numba.get_num_threads()
+    jobs = [(count, every) for count in COUNTS]
+    jobs += [(THREADS_AT, threads) for threads in range(1, every)]
+    rows = []
+    for job in jobs:
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            rows.append(pool.apply(partial(_measure, *job)))
+    return {"rows": rows}
+
+
+def table(result: Result) -> str:
+    columns = ("points each", "threads", "seconds", "prepare", "search", "refine", "inliers")
+    stages = ("prepare", "search", "refine", "inliers")
+    rows = [
+        (
+            r["points"],
+            r["threads"],
+            r["seconds"],
+            *(r["stages"][stage] for stage in stages),
+            round(r["extra_mb"]),
+            r["degrees"],
+        )
+        for r in result["rows"]
+    ]
+    return (
+        "A bent tube of N random surface points, with noise, onto another pose of it, turned by "
+        "up to 180 degrees; warm process; memory is what the process grew by.\n\n"
+        + markdown((*columns, "extra MB", "degrees off"), rows)
+    )
+
+
+def draw(result: Result, figure: Figure) -> None:
+    axes = figure.subplots()
+    every = max(r["threads"] for r in result["rows"])
+    rows = [r for r in result["rows"] if r["threads"] == every]
+    points = np.array([r["points"] for r in rows])
+    axes.plot(points, [r["seconds"] for r in rows], "o-", label="register")
+    linear = rows[-1]["seconds"] / points[-1] * points
+    axes.plot(points, linear, ":", color="grey", label="in proportion to the points")
+    axes.set(xlabel="points of each cloud", ylabel="seconds", xscale="log", yscale="log")
+    axes.legend()
+
+
+SCALING = Experiment("scaling", "Time against points and threads", run, table, draw)
