@@ -1,0 +1,39 @@
+"""Speed of the kernels: `pytest tests/benchmarks/test_kernels.py --benchmark-enable`, and
+`--benchmark-autosave`, `--benchmark-compare` to see what a change did. Without it each runs once."""
+
+import numpy as np
+import pytest
+
+from mpe_core.cloud import as_pair, as_points
+from mpe_core.neighbours import Neighbours
+from mpe_core.potential import ExactField
+from mpe_core.refinement import trimmed_icp
+from mpe_core.rigid import apply, axis_rotation, pose
+from tests.clouds import knot
+
+
+@pytest.fixture
+def cloud():
+    return knot(8000, np.random.default_rng(0))
+
+
+def test_direct_sum(benchmark, cloud):
+    force = benchmark(ExactField(cloud, 0.05).force, cloud)
+    assert np.isfinite(force).all()
+
+
+def test_checks_and_centring(benchmark, cloud):
+    pair = benchmark(lambda: as_pair(as_points(cloud), as_points(cloud)))
+    np.testing.assert_array_equal(pair.source, pair.target)
+
+
+def test_nearest_points(benchmark, cloud):
+    distance, _ = benchmark(Neighbours(cloud).nearest, cloud)
+    assert not distance.any()
+
+
+def test_trimmed_icp(benchmark, cloud):
+    T = pose(axis_rotation(np.ones(3), 0.1), np.full(3, 0.01))
+    start = (apply(T, cloud), Neighbours(cloud), np.eye(4), None, 100, lambda fraction: None)
+    found = benchmark(trimmed_icp, *start)
+    np.testing.assert_allclose(found.T_target_source @ T, np.eye(4), atol=1e-6)
