@@ -13,7 +13,16 @@ from service.errors import register_error_handlers
 from service.lingering import LingeringClose
 from service.metrics import Metrics
 from service.openapi import describe
-from service.routes import clouds, deliveries, events, health, inliers, registrations, uploads
+from service.routes import (
+    clouds,
+    deliveries,
+    events,
+    formats,
+    health,
+    inliers,
+    registrations,
+    uploads,
+)
 from service.settings import Settings
 
 
@@ -31,7 +40,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(LingeringClose)
     app.add_middleware(Access, metrics=metrics)
     register_error_handlers(app, metrics)
-    for module in (registrations, inliers, events, deliveries, clouds, uploads, health):
+    for module in (registrations, inliers, events, deliveries, clouds, uploads, formats, health):
         app.include_router(module.router)
     describe(app)
     return app

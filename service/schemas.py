@@ -5,13 +5,23 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, HttpUrl, StringConstraints, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    HttpUrl,
+    StringConstraints,
+    model_validator,
+)
 
+from service.formats import FORMATS
 from service.jobs.deliveries import DeliveryStatus
 from service.jobs.job import JobStatus
 from service.options import Options, StrictModel
 
 INLINE_PAIRS = 100_000
+FORMAT_NAMES = tuple(item.name for item in FORMATS)
 
 Stage = Annotated[
     str,
@@ -46,10 +56,51 @@ class CloudReference(StrictModel):
         return self
 
 
+def _known_format(name: str) -> str:
+    if name not in FORMAT_NAMES:
+        raise ValueError(f"expected one of {', '.join(FORMAT_NAMES)}")
+    return name
+
+
+class Reading(StrictModel):
+    """How to read a file, where its content does not tell."""
+
+    format: Annotated[str, AfterValidator(_known_format)] | None = Field(
+        default=None,
+        description="Name of its format, one of GET /v1/formats; null: by its content. Only "
+        "`kitti`, which has no header, needs it.",
+        json_schema_extra={"enum": [*FORMAT_NAMES, None]},
+    )
+    scan: int | None = Field(
+        default=None,
+        ge=0,
+        description="Which scan of an E57 or PTX file, counted from 0; null: all, merged.",
+    )
+    surface_samples: int | None = Field(
+        default=None,
+        ge=3,
+        le=50_000_000,
+        description="Points to take from the surface of a mesh, spread evenly by area; "
+        "null: its vertices.",
+    )
+
+
+class Readings(StrictModel):
+    """How to read the two files."""
+
+    source: Reading = Field(default=Reading(), description="How to read the source.")
+    target: Reading = Field(default=Reading(), description="How to read the target.")
+
+
 class RegistrationParameters(StrictModel):
     """What is said about a registration beside its two clouds."""
 
     options: Options = Field(default_factory=Options, description="How to register.")
+    reading: Readings = Field(
+        default=Readings(),
+        description="How to read the files, where their content does not tell.",
+        examples=[{"source": {"format": "kitti"}, "target": {"surface_samples": 20000}}],
+    )
     labels: Labels = Field(
         default_factory=dict,
         description="Up to 16 words of the caller's own, given back and searched for in the list.",
@@ -97,6 +148,22 @@ class Event(Document):
     fraction: float = Field(ge=0, le=1, description="Share of the whole that is done, in [0, 1].")
 
 
+class FormatInfo(Document):
+    """A format that is read."""
+
+    name: str = Field(description="Its name.")
+    title: str = Field(description="What is read of it.")
+    extensions: list[str] = Field(description="Usual ends of file names; the content decides.")
+    declared: bool = Field(description="Whether it is only read if `reading` names it.")
+    choices: list[str] = Field(description="Fields of `reading` that apply to it.")
+
+
+class FormatList(Document):
+    """All formats that are read."""
+
+    items: list[FormatInfo]
+
+
 class CloudInfo(Document):
     """Where a cloud came from."""
 
@@ -104,6 +171,7 @@ class CloudInfo(Document):
     size: int | None = Field(description="Length of the file in bytes, once the service has it.")
     url: str | None = Field(description="Address that it is fetched from, if any.")
     cloud: str | None = Field(description="Id of the stored cloud that it is, if any.")
+    reading: dict[str, Any] = Field(description="How it is read, as far as that was said.")
 
 
 class Rotation(Document):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from fastapi import Request
@@ -17,7 +17,7 @@ from service.errors import invalid_request
 from service.jobs.job import CloudInput
 from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
-from service.schemas import CloudReference, RegistrationParameters, RegistrationRequest
+from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
 from service.sources import check_address
 from service.storage import Blob
 
@@ -62,7 +62,7 @@ async def read_submission(request: Request, service: Service) -> Submission:
 
 
 def _from_form(form: dict[str, Blob | str], service: Service) -> Submission:
-    clouds = {role: _cloud(role, form.pop(role, None), service) for role in CLOUDS}
+    files = {role: form.pop(role, None) for role in CLOUDS}
     fields: dict[str, Any] = {}
     for name, text in form.items():
         if isinstance(text, Blob):
@@ -72,20 +72,29 @@ def _from_form(form: dict[str, Blob | str], service: Service) -> Submission:
         parameters = RegistrationParameters.model_validate_json(json.dumps(fields))
     except ValidationError as error:
         raise invalid_request(error) from None
+    clouds = {
+        role: _cloud(role, file, getattr(parameters.reading, role), service)
+        for role, file in files.items()
+    }
     return Submission(**clouds, parameters=parameters)
 
 
-def _cloud(role: str, field: Blob | str | None, service: Service) -> CloudInput:
+def _cloud(role: str, field: Blob | str | None, reading: Reading, service: Service) -> CloudInput:
     """An uploaded file, or a reference in its place."""
     if isinstance(field, Blob):
-        recognised(role, field, service.blobs)
-        return CloudInput(sha256=field.sha256, size=field.size)
+        if reading.format is None:
+            recognised(role, field, service.blobs)
+        return _read_as(reading, CloudInput(sha256=field.sha256, size=field.size))
     if field is None:
         raise InvalidRequestError(f"{role}: expected a file; send it as -F {role}=@scan.ply.")
     try:
-        return _referred(CloudReference.model_validate_json(field), service)
+        return _read_as(reading, _referred(CloudReference.model_validate_json(field), service))
     except ValidationError as error:
         raise invalid_request(error, role) from None
+
+
+def _read_as(reading: Reading, cloud: CloudInput) -> CloudInput:
+    return replace(cloud, reading=reading.model_dump(exclude_none=True))
 
 
 def _parsed(name: str, text: str) -> Any:
@@ -106,8 +115,8 @@ def _from_json(body: bytes, service: Service) -> Submission:
             raise MalformedBodyError("The body is not JSON.") from None
         raise invalid_request(error) from None
     return Submission(
-        source=_referred(wanted.source, service),
-        target=_referred(wanted.target, service),
+        source=_read_as(wanted.reading.source, _referred(wanted.source, service)),
+        target=_read_as(wanted.reading.target, _referred(wanted.target, service)),
         parameters=wanted,
     )
 

@@ -35,7 +35,8 @@ class Format:
     name: str
     title: str
     extensions: tuple[str, ...]
-    sniff: Callable[[bytes], bool]
+    sniff: Callable[[bytes], bool] | None
+    """Whether a file begins like this; None: only if declared."""
     read: Callable[..., DecodedCloud] | None
     """Takes the path, the limits, and the choices by their names; None: it only wraps."""
     choices: tuple[Choice, ...] = ()
@@ -151,7 +152,7 @@ FORMATS = (
         "kitti",
         "rows of four float32, x, y, z, intensity, without a header: only if declared",
         (".bin",),
-        _never,
+        None,
         kitti.read,
     ),
 )

@@ -43,6 +43,8 @@ def read_points(
         The file cannot be read as a cloud; the message names the byte or line.
     """
     path = Path(path)
+    if path.stat().st_size == 0:
+        raise TruncatedFileError("the file is empty")
     found = _sniffed(path) if format is None else _named(format)
     choices: dict[Choice, int | None] = {"scan": scan, "surface_samples": surface_samples}
     return _read(found, path, limits or Limits(), choices)
@@ -53,6 +55,8 @@ def _read(
 ) -> DecodedCloud:
     if found.read is None or found.wraps(path):
         with unwrapped(path, limits) as inner:
+            if inner.stat().st_size == 0:
+                raise TruncatedFileError("the file within the archive is empty")
             inside = _sniffed(inner)
             if inside.read is None or inside.wraps(inner):
                 raise UnsupportedFileError("an archive within an archive")
@@ -74,8 +78,6 @@ def _named(name: str) -> Format:
 def _sniffed(path: Path) -> Format:
     with path.open("rb") as file:
         head = file.read(SNIFFED_BYTES)
-    if not head:
-        raise TruncatedFileError("the file is empty")
     found = _find(head)
     if found is None:
         names = ", ".join(format.name for format in FORMATS)
@@ -84,4 +86,4 @@ def _sniffed(path: Path) -> Format:
 
 
 def _find(head: bytes) -> Format | None:
-    return next((format for format in FORMATS if format.sniff(head)), None)
+    return next((item for item in FORMATS if item.sniff and item.sniff(head)), None)

@@ -121,8 +121,8 @@ def _decoded(role: str, cloud: CloudInput, task: Task, blobs: BlobStore) -> Deco
     assert cloud.sha256 is not None  # noqa: S101
     path = blobs.path(cloud.sha256)
     try:
-        if cloud.cloud is None:
-            decoded = read_points(path)
+        if cloud.cloud is None or cloud.reading:
+            decoded = read_points(path, **cloud.reading)
         else:  # it will be referred to again
             prepared = PreparedClouds(task.data_dir / "prepared")
             decoded = prepared.decoded(cloud.sha256, lambda: read_points(path), task.scratch)

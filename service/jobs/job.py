@@ -26,6 +26,8 @@ class CloudInput:
     url: str | None = None
     cloud: str | None = None
     """Id of the stored cloud that the caller named."""
+    reading: dict[str, Any] = field(default_factory=dict)
+    """How to read the file, where its content does not tell: arguments of read_points."""
 
 
 @dataclass(frozen=True, slots=True)

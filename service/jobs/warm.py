@@ -5,6 +5,10 @@ from __future__ import annotations
 import gc
 import os
 
+import laspy  # noqa: F401
+import pye57  # noqa: F401
+import trimesh.sample  # noqa: F401
+
 from service.jobs import attempt  # noqa: F401
 from service.jobs.confinement import die_with_parent
 from service.logs import configure_logs

@@ -14,7 +14,9 @@ def work_key(source: CloudInput, target: CloudInput, options: dict[str, Any]) ->
     """Hash of the clouds' content, the options and the release; None before both are here."""
     if source.sha256 is None or target.sha256 is None:
         return None
-    return fingerprint([source.sha256, target.sha256, options, version("mpe")])
+    return fingerprint(
+        [source.sha256, source.reading, target.sha256, target.reading, options, version("mpe")]
+    )
 
 
 def fingerprint(content: Any) -> str:

@@ -1,0 +1,27 @@
+"""/v1/formats: what files are read."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+
+from service.formats import FORMATS
+from service.schemas import FormatInfo, FormatList
+
+router = APIRouter(prefix="/v1/formats", tags=["formats"])
+
+
+@router.get("", operation_id="listFormats", summary="List the formats that are read")
+def list_formats() -> FormatList:
+    """The content of a file decides its format, never its name, unless `reading` declares it."""
+    return FormatList(
+        items=[
+            FormatInfo(
+                name=item.name,
+                title=item.title,
+                extensions=list(item.extensions),
+                declared=item.sniff is None,
+                choices=list(item.choices),
+            )
+            for item in FORMATS
+        ]
+    )
