@@ -1,5 +1,7 @@
-"""Speed of the kernels: `pytest tests/benchmarks/test_kernels.py --benchmark-enable`, and
-`--benchmark-autosave`, `--benchmark-compare` to see what a change did. Without it each runs once."""
+"""Speed of the kernels: `pytest tests/benchmarks/test_kernels.py --benchmark-enable`.
+
+With `--benchmark-autosave` and `--benchmark-compare` it shows what a change did.
+"""
 
 import numpy as np
 import pytest
