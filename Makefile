@@ -6,7 +6,7 @@ SYSTEM_LIBRARIES := libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
-.PHONY: help setup run demo test check format openapi lock bench paper clean
+.PHONY: help setup run demo test chaos check format openapi lock bench paper clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -30,6 +30,9 @@ demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TA
 
 test: setup  ## all tests
 	$(PY) -m pytest
+
+chaos: setup  ## 300 jobs while the server and its processes are killed 25 times
+	$(PY) -m tests.e2e.chaos
 
 check: setup  ## formatting, lint, types, import rules
 	.venv/bin/ruff format --check .

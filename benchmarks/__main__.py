@@ -5,6 +5,7 @@ from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
 from benchmarks.scaling import SCALING
 from benchmarks.service import SERVICE
+from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
-    main([KERNELS, PAIRS, SCALING, SERVICE], "python -m benchmarks")
+    main([KERNELS, PAIRS, SCALING, SERVICE, LOAD], "python -m benchmarks")

@@ -13,24 +13,15 @@ from pathlib import Path
 
 import httpx
 import numpy as np
-import psutil
 import pytest
 
+from tests.e2e.processes import forkserver, workers
 from tests.e2e.scans import arms, as_npy
 from tests.e2e.slow import SLOW, slow_pair
 from tests.e2e.test_events import follow
 from tests.server import Server, finished, running_server
 
 GOOD = as_npy(arms(1))
-
-
-def forkserver(server: Server) -> psutil.Process:
-    children = psutil.Process(server.pid).children()
-    return next(child for child in children if "forkserver" in " ".join(child.cmdline()))
-
-
-def workers(server: Server) -> list[psutil.Process]:
-    return forkserver(server).children(recursive=True)
 
 
 def assert_gone(server: Server, within_s: float = 1.0) -> None:

@@ -11,9 +11,9 @@ import httpx
 import psutil
 import pytest
 
+from tests.e2e.processes import forkserver, workers
 from tests.e2e.scans import arms, as_npy
 from tests.e2e.slow import SLOW, slow_pair
-from tests.e2e.test_kills import forkserver, workers
 from tests.server import Server, finished, running_server
 
 CLOUD = as_npy(arms(1))

@@ -6,15 +6,14 @@ import base64
 import hashlib
 import hmac
 import json
-import threading
 import time
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import arms, as_npy
 from tests.server import Server, running_server
 
@@ -22,42 +21,10 @@ CLOUD = as_npy(arms(1))
 SECRET = "spring tide"
 
 
-class Receiver(ThreadingHTTPServer):
-    """Keeps what it is sent; refuses the first `refusals` calls."""
-
-    def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), Handler)
-        self.received: list[tuple[dict[str, str], bytes]] = []
-        self.refusals = 0
-        self.url = f"http://127.0.0.1:{self.server_port}/hook"
-
-    def wait_for(self, count: int, within_s: float = 20) -> None:
-        deadline = time.monotonic() + within_s
-        while len(self.received) < count:
-            assert time.monotonic() < deadline, f"{len(self.received)} of {count} calls came"
-            time.sleep(0.05)
-
-
-class Handler(BaseHTTPRequestHandler):
-    server: Receiver
-
-    def do_POST(self) -> None:
-        body = self.rfile.read(int(self.headers["Content-Length"]))
-        self.server.received.append(({k.lower(): v for k, v in self.headers.items()}, body))
-        self.server.refusals -= 1
-        self.send_response(503 if self.server.refusals >= 0 else 204)
-        self.end_headers()
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
 @pytest.fixture
 def receiver() -> Iterator[Receiver]:
-    with Receiver() as running:
-        threading.Thread(target=running.serve_forever, daemon=True).start()
+    with receiving() as running:
         yield running
-        running.shutdown()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,252 @@
+"""The service under load: many clients, large clouds, and what HTTP costs."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import io
+import itertools
+import json
+import statistics
+import tempfile
+import threading
+import time
+from collections import Counter, defaultdict
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import psutil
+from scipy.spatial.transform import Rotation
+
+from benchmarks.experiment import DATA, Experiment, Result, markdown
+from mpe_core import RegistrationOptions
+from service.core import running_service
+from service.formats import read_points
+from service.jobs.job import CloudInput, JobRow
+from service.metrics import Metrics
+from service.settings import Settings
+from tests.server import Server, running_server
+
+CLIENTS = 64
+LOAD_S = 60
+JOBS_WITHOUT_HTTP = 120
+DISPATCHES = 50
+BOUNDARY = "load"
+
+
+def run() -> Result:
+    source, target = _bunny()
+    with tempfile.TemporaryDirectory() as directory:
+        bare = asyncio.run(_without_http(Path(directory), source, target))
+    with (
+        tempfile.TemporaryDirectory() as directory,
+        running_server(Path(directory)) as server,
+    ):
+        dispatch_ms = _dispatch(server)
+        load = Load(server, source, target)
+        load.run()
+        return {
+            "bytes": len(source) + len(target),
+            "dispatch_ms": dispatch_ms,
+            "jobs_per_s_without_http": bare,
+            **load.figures(),
+        }
+
+
+class Load:
+    """Clients that post, wait for the end, fetch the result and post again."""
+
+    def __init__(self, server: Server, source: bytes, target: bytes) -> None:
+        self._server = server
+        self._head, self._tail = _form(source, target)
+        self._seeds = itertools.count()
+        self._times: dict[str, list[float]] = defaultdict(list)
+        self._statuses: Counter[int] = Counter()
+        self._done: list[float] = []
+        self._memory: list[float] = []
+
+    def run(self) -> None:
+        self._start = time.perf_counter()
+        self._end = self._start + LOAD_S
+        watcher = threading.Thread(target=self._watch_memory)
+        watcher.start()
+        with ThreadPoolExecutor(CLIENTS) as clients:
+            for client in [clients.submit(self._client) for _ in range(CLIENTS)]:
+                client.result()
+        watcher.join()
+
+    def figures(self) -> Result:
+        in_time = [moment for moment in self._done if moment <= self._end]
+        third = len(self._memory) // 3
+        return {
+            "clients": CLIENTS,
+            "seconds": LOAD_S,
+            "statuses": dict(self._statuses),
+            "jobs_per_s": len(in_time) / LOAD_S,
+            "calls": {name: _spread(times) for name, times in self._times.items()},
+            "service_mib": {
+                "first third": max(self._memory[:third]) / 2**20,
+                "last third": max(self._memory[-third:]) / 2**20,
+            },
+        }
+
+    def _client(self) -> None:
+        connection = http.client.HTTPConnection("127.0.0.1", self._server.port, timeout=120)
+        while time.perf_counter() < self._end:
+            job = json.loads(
+                self._call(connection, "post", "POST", "/v1/registrations", self._body())
+            )
+            url = f"/v1/registrations/{job['id']}"
+            self._call(connection, "state", "GET", f"{url}/deliveries")
+            while True:
+                request = ("GET", url, None, {"Prefer": "wait=60"})
+                status = json.loads(self._exchange(connection, *request))["status"]
+                if status not in ("queued", "running"):
+                    break
+            assert status == "succeeded", status
+            self._done.append(time.perf_counter())
+            self._call(connection, "result", "GET", url)
+        connection.close()
+
+    def _call(
+        self,
+        connection: http.client.HTTPConnection,
+        name: str,
+        method: str,
+        url: str,
+        body: bytes | None = None,
+    ) -> bytes:
+        started = time.perf_counter()
+        headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}"} if body else {}
+        answer = self._exchange(connection, method, url, body, headers)
+        self._times[name].append(time.perf_counter() - started)
+        return answer
+
+    def _exchange(
+        self,
+        connection: http.client.HTTPConnection,
+        method: str,
+        url: str,
+        body: bytes | None,
+        headers: dict[str, str],
+    ) -> bytes:
+        connection.request(method, url, body, headers)
+        response = connection.getresponse()
+        self._statuses[response.status] += 1
+        return response.read()
+
+    def _body(self) -> bytes:
+        """Another seed each time: the service does the same work only once."""
+        return self._head + f'{{"seed": {next(self._seeds)}}}'.encode() + self._tail
+
+    def _watch_memory(self) -> None:
+        process = psutil.Process(self._server.pid)
+        while time.perf_counter() < self._end:
+            self._memory.append(process.memory_info().rss)
+            time.sleep(0.5)
+
+
+def table(result: Result) -> str:
+    calls = [
+        (name, spread["count"], 1000 * spread["median"], 1000 * spread["p99"])
+        for name, spread in result["calls"].items()
+    ]
+    share = result["jobs_per_s"] / result["jobs_per_s_without_http"]
+    memory = result["service_mib"]
+    errors = sum(count for code, count in result["statuses"].items() if int(code) >= 500)
+    return (
+        f"{result['clients']} clients post pairs of 35,947 points ({result['bytes']:,} bytes) for "
+        f"{result['seconds']} s, wait for the end, fetch the result and post again.\n\n"
+        + markdown(("call", "count", "median ms", "p99 ms"), calls)
+        + f"\n\n{result['jobs_per_s']:.2f} registrations/s over HTTP, "
+        f"{result['jobs_per_s_without_http']:.2f} by the same workers without HTTP: {share:.0%}. "
+        f"Answers with a 5xx status: {errors}. "
+        f"Memory of the service process at most {memory['first third']:.0f} MiB in the first "
+        f"third, {memory['last third']:.0f} MiB in the last. "
+        f"From accepted to a running child on the idle service: median "
+        f"{result['dispatch_ms']['median']:.1f} ms."
+    )
+
+
+async def _without_http(directory: Path, source: bytes, target: bytes) -> float:
+    """Registrations per second when the jobs are put straight into the store."""
+    with running_service(Settings(data_dir=directory), Metrics()) as service:
+        clouds = [
+            CloudInput(blob.sha256, blob.size)
+            for blob in map(service.blobs.put, ([source], [target]))
+        ]
+        while not service.queue.is_ready:
+            await asyncio.sleep(0.05)
+        started = time.perf_counter()
+        for seed in range(JOBS_WITHOUT_HTTP):
+            service.store.add(_job(*clouds, seed=seed))
+            service.queue.notify()
+        while service.store.count("succeeded") < JOBS_WITHOUT_HTTP:
+            await asyncio.sleep(0.05)
+        return JOBS_WITHOUT_HTTP / (time.perf_counter() - started)
+
+
+def _job(source: CloudInput, target: CloudInput, *, seed: int) -> JobRow:
+    defaults = {
+        name: getattr(RegistrationOptions(), name) for name in RegistrationOptions.__slots__
+    }
+    options = defaults | {"seed": seed}
+    return JobRow(
+        id=str(uuid4()), source=source, target=target, options=options, created_at=time.time()
+    )
+
+
+def _dispatch(server: Server) -> dict[str, Any]:
+    """From the acceptance of a small job to the first word of its child, in milliseconds."""
+    cloud = np.random.default_rng(0).normal(size=(50, 3)) * (3, 2, 1)
+    file = _npy(cloud)
+    times = []
+    for seed in range(DISPATCHES):
+        job = server.submit(file, file, wait=30, options=f'{{"seed": {seed}}}').json()
+        text = server.client.get(f"/v1/registrations/{job['id']}/events").text
+        events = [json.loads(line[6:]) for line in text.splitlines() if line.startswith("data: ")]
+        began = next(event for event in events if event["stage"] == "decode")
+        times.append(_seconds(began["at"]) - _seconds(events[0]["at"]))
+    return {name: 1000 * value for name, value in _spread(times).items() if name != "count"}
+
+
+def _seconds(moment: str) -> float:
+    return np.datetime64(moment.rstrip("Z")).astype("datetime64[us]").astype(float) / 1e6
+
+
+def _spread(times: list[float]) -> dict[str, float]:
+    return {
+        "count": len(times),
+        "median": statistics.median(times),
+        "p99": float(np.percentile(times, 99)),
+    }
+
+
+def _bunny() -> tuple[bytes, bytes]:
+    target = read_points(DATA / "bunny_whole" / "bun_zipper.ply").points
+    turned = target @ Rotation.from_euler("xyz", (10, 20, -15), degrees=True).as_matrix().T
+    return _npy(turned), _npy(target)
+
+
+def _npy(cloud: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, cloud.astype(np.float32))
+    return buffer.getvalue()
+
+
+def _form(source: bytes, target: bytes) -> tuple[bytes, bytes]:
+    """The multipart body before and after the options."""
+    head = b""
+    for name, file in (("source", source), ("target", target)):
+        disposition = f'form-data; name="{name}"; filename="{name}.npy"'
+        head += (
+            f"--{BOUNDARY}\r\nContent-Disposition: {disposition}\r\n\r\n".encode() + file + b"\r\n"
+        )
+    head += f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="options"\r\n\r\n'.encode()
+    return head, f"\r\n--{BOUNDARY}--\r\n".encode()
+
+
+LOAD = Experiment("load", "The service under load", run, table)

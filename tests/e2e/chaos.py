@@ -1,0 +1,221 @@
+"""Jobs submitted while the server and its processes are killed; `python -m tests.e2e.chaos`.
+
+Every accepted job must end exactly once, in the right result or an explained failure; every
+callback must come; no process, file or job may be left over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import tempfile
+import threading
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import psutil
+
+from tests.e2e.processes import all_of, forkserver
+from tests.e2e.receiver import Receiver, receiving
+from tests.e2e.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
+from tests.server import Server, finished, running_server, submit
+
+SETTINGS = {
+    "webhook_hosts": "127.0.0.1",
+    "webhook_secret": "chaos",
+    "webhook_retry_s": 0.2,
+    "blob_grace_s": 1,
+    "upkeep_interval_s": 0.5,
+}
+TARGET = arms(0)
+BAD_EVERY = 10
+"""Each tenth job has a source of two points and must fail for that."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    number: int
+    source: Points
+    truth: Pose
+
+    @property
+    def is_bad(self) -> bool:
+        return self.number % BAD_EVERY == 0
+
+
+@dataclass
+class Chaos:
+    """One run; fixed by its seed up to the timing of the machine."""
+
+    server: Server
+    receiver: Receiver
+    jobs: int
+    kills: int
+    seed: int
+    accepted: dict[str, Wanted] = field(default_factory=dict)
+    killed: Counter[str] = field(default_factory=Counter)
+
+    def run(self, clients: int = 8) -> dict[str, Any]:
+        started = time.monotonic()
+        killer = threading.Thread(target=self._kill_again_and_again)
+        killer.start()
+        with ThreadPoolExecutor(clients) as pool:
+            list(pool.map(self._submit, range(self.jobs)))
+        killer.join()
+        ended = self._ends()
+        self._check_callbacks(ended)
+        attempts = Counter(job["attempt"] for job in ended.values())
+        self._check_nothing_is_left()
+        return {
+            "jobs accepted": len(self.accepted),
+            "succeeded": sum(job["status"] == "succeeded" for job in ended.values()),
+            "failed for their input": sum(w.is_bad for w in self.accepted.values()),
+            "failed after three lost attempts": sum(map(_was_lost, ended.values())),
+            "killed": dict(self.killed),
+            "attempts needed: jobs": dict(sorted(attempts.items())),
+            "callbacks received": len(self.receiver.received),
+            "seconds": round(time.monotonic() - started, 1),
+        }
+
+    def _submit(self, number: int) -> None:
+        """Until it is accepted; the key makes sure that it is accepted once."""
+        while sum(self.killed.values()) < self.kills * number // self.jobs - 1:
+            time.sleep(0.02)  # in step with the kills
+        wanted = _wanted(self.seed, number)
+        with httpx.Client(base_url=self.server.url, timeout=30, trust_env=False) as client:
+            while True:
+                try:
+                    response = submit(
+                        client,
+                        as_npy(wanted.source),
+                        as_npy(TARGET),
+                        headers={"Idempotency-Key": f"job-{number}"},
+                        callback_url=self.receiver.url,
+                    )
+                except httpx.TransportError:
+                    time.sleep(0.1)
+                    continue
+                if response.status_code == 202:
+                    self.accepted[response.json()["id"]] = wanted
+                    return
+                if response.status_code == 200:  # it had ended before the repetition
+                    self.accepted[response.json()["id"]] = wanted
+                    return
+                if response.status_code == 422:
+                    self.accepted[response.json()["job"]] = wanted
+                    return
+                assert response.status_code in (409, 429, 503), response.text
+                time.sleep(0.1)
+
+    def _kill_again_and_again(self) -> None:
+        rng = random.Random(self.seed)
+        while sum(self.killed.values()) < self.kills:
+            time.sleep(rng.uniform(0.05, 0.6))
+            kind = rng.choice(("server", "forkserver", "worker", "worker"))
+            if kind == "server":
+                self.server.kill()
+                self.server.start(ready=False)
+            elif not self._kill_below(kind, rng):
+                continue
+            self.killed[kind] += 1
+
+    def _kill_below(self, kind: str, rng: random.Random) -> bool:
+        """Kill the forkserver, or a worker as soon as there is one; False when there is none."""
+        for _ in range(100):
+            try:
+                parent = forkserver(self.server)
+                rng.choice([parent] if kind == "forkserver" else parent.children()).kill()
+                return True
+            except (psutil.NoSuchProcess, StopIteration, IndexError):
+                time.sleep(0.01)
+        return False
+
+    def _ends(self) -> dict[str, dict[str, Any]]:
+        ended = {}
+        for job_id, wanted in self.accepted.items():
+            job = finished(self.server.client, job_id, within_s=120)
+            _check_end(job, wanted)
+            self._check_ended_once(job_id)
+            ended[job_id] = job
+        assert len(ended) == self.jobs, "a job was accepted twice, or forgotten"
+        return ended
+
+    def _check_ended_once(self, job_id: str) -> None:
+        text = self.server.client.get(f"/v1/registrations/{job_id}/events").text
+        events = [json.loads(line[6:]) for line in text.splitlines() if line.startswith("data: ")]
+        ends = [event for event in events if event["status"] in ("succeeded", "failed")]
+        assert len(ends) == 1, events
+
+    def _check_callbacks(self, ended: dict[str, dict[str, Any]]) -> None:
+        deadline = time.monotonic() + 60
+        while missing := set(ended) - {event["data"]["id"] for event in self._events()}:
+            assert time.monotonic() < deadline, f"{len(missing)} callbacks never came"
+            time.sleep(0.1)
+        for event in self._events():
+            assert event["type"] == f"registration.{ended[event['data']['id']]['status']}"
+
+    def _events(self) -> list[dict[str, Any]]:
+        return [json.loads(body) for _, body in list(self.receiver.received)]
+
+    def _check_nothing_is_left(self) -> None:
+        for job_id in self.accepted:
+            assert self.server.client.delete(f"/v1/registrations/{job_id}").status_code == 204
+        kept = [self.server.data_dir / name for name in ("blobs", "incoming", "scratch")]
+        deadline = time.monotonic() + 20
+        while left := [p for d in kept for p in d.rglob("*") if p.is_file()]:
+            assert time.monotonic() < deadline, f"{len(left)} files are left: {left[:3]}"
+            time.sleep(0.2)
+        self.server.stop()
+        _, alive = psutil.wait_procs(all_of(self.server.data_dir), timeout=5)
+        assert not alive, f"processes are left: {alive}"
+
+
+def _wanted(seed: int, number: int) -> Wanted:
+    rng = np.random.default_rng((seed, number))
+    truth = motion(rng, TARGET, 20, 0.2)
+    source = moved(np.linalg.inv(truth), TARGET)
+    return Wanted(number, source[:2] if number % BAD_EVERY == 0 else source, truth)
+
+
+def _was_lost(job: dict[str, Any]) -> bool:
+    return job["status"] == "failed" and job["error"]["type"] == "urn:mpe:problem:worker-lost"
+
+
+def _check_end(job: dict[str, Any], wanted: Wanted) -> None:
+    if _was_lost(job):
+        assert job["attempt"] >= 3
+    elif wanted.is_bad:
+        assert job["error"]["type"] == "urn:mpe:problem:too-few-points", job
+    else:
+        assert job["status"] == "succeeded", job
+        degrees, shift = pose_error(np.array(job["result"]["transform"]), wanted.truth, TARGET)
+        assert degrees < 0.01
+        assert shift < 1e-3
+
+
+def run(directory: Path, *, jobs: int, kills: int, seed: int) -> dict[str, Any]:
+    with receiving() as receiver, running_server(directory, **SETTINGS) as server:
+        return Chaos(server, receiver, jobs, kills, seed).run()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=300)
+    parser.add_argument("--kills", type=int, default=25)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as directory:
+        figures = run(Path(directory), jobs=given.jobs, kills=given.kills, seed=given.seed)
+    for name, value in figures.items():
+        print(f"{name:34} {value}")
+
+
+if __name__ == "__main__":
+    main()
