@@ -1,0 +1,20 @@
+"""docs/service.md says what the code does."""
+
+from __future__ import annotations
+
+from service.problems import INTERNAL, PROBLEM_TYPES
+from service.settings import Settings
+from tests.server import PROJECT
+
+TEXT = (PROJECT / "docs" / "service.md").read_text()
+
+
+def test_every_problem_is_listed() -> None:
+    for kind in (*PROBLEM_TYPES.values(), INTERNAL):
+        assert f"| `{kind.name}` | {kind.status} | {kind.title} |" in TEXT
+
+
+def test_every_setting_that_it_names_exists() -> None:
+    known = {f"MPE_{name.upper()}" for name in Settings.model_fields}
+    named = {word.strip("`,.;:()=") for word in TEXT.split() if "MPE_" in word}
+    assert {name.partition("=")[0] for name in named} <= known
