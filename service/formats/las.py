@@ -5,6 +5,7 @@ The header is checked first: laspy trusts its counts.
 
 from __future__ import annotations
 
+import logging
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,6 +120,7 @@ def _check_header(head: bytes, size: int, limits: Limits) -> _Header:
 def _decode(path: Path, count: int) -> NDArray[np.float64]:
     import laspy
 
+    logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it logs, it raises as well
     parts: list[NDArray[np.float64]] = [np.empty((0, 3))]
     try:
         with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as file:
