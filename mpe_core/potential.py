@@ -9,6 +9,8 @@ from mpe_core.kernels.pair_sum import pair_force
 
 Array = NDArray[np.float64]
 
+FARTHEST = 1e9  # in radii: nothing so far away pulls noticeably
+
 
 class ExactField:
     """Static field of the target: forces on any points by the direct sum over all pairs (Eq. 7).
@@ -17,14 +19,19 @@ class ExactField:
     """
 
     def __init__(self, target: Array, eps: float) -> None:
-        self._target = np.ascontiguousarray(target.T, np.float32)
+        self._target = _single(target)
         self._eps = np.float32(eps)
 
     def force(self, points: Array) -> Array:
         """(N, 3) forces F_i on points (N, 3)."""
         force = np.empty((3, len(points)))
-        pair_force(np.ascontiguousarray(points.T, np.float32), self._target, self._eps, force)
+        pair_force(_single(points), self._target, self._eps, force)
         return force.T
+
+
+def _single(points: Array) -> NDArray[np.float32]:
+    """(3, N) float32; what lies beyond FARTHEST is moved there, where squares do not overflow."""
+    return np.ascontiguousarray(np.clip(points, -FARTHEST, FARTHEST).T, np.float32)
 
 
 def traction(points: Array, centre: Array, force: Array) -> tuple[Array, Array]:
