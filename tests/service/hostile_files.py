@@ -15,7 +15,7 @@ from tests.service.cloud_files import POINTS, npy, npz, pcd, ply, seeds, text_ro
 from tests.service.scanner_files import e57, las, ptx, scanner_seeds, stl_binary, zipped
 
 ALL = seeds() | scanner_seeds()
-CUTS, FLIPS, COUNTS = 36, 30, 12
+CUTS, FLIPS, COUNTS = 32, 22, 12
 
 
 def corpus() -> Iterator[tuple[str, bytes]]:
