@@ -5,8 +5,9 @@ PY := .venv/bin/python
 SYSTEM_LIBRARIES := libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1
 HOST ?= 127.0.0.1
 PORT ?= 8000
+FUZZ_SECONDS ?= 300
 
-.PHONY: help setup run demo test chaos check format openapi lock bench paper clean
+.PHONY: help setup run demo test chaos check format openapi lock bench paper fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -58,6 +59,9 @@ bench: setup  ## speed, accuracy and the peers (minutes to hours)
 
 paper: setup  ## the paper's tables beside ours
 	$(PY) -m benchmarks.paper
+
+fuzz: setup  ## fuzz every reader of files, FUZZ_SECONDS (300) each
+	$(PY) -m tests.fuzz $(FUZZ_SECONDS)
 
 clean:  ## remove what the other targets made
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache build

@@ -54,6 +54,8 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     size = path.stat().st_size
     with path.open("rb") as file:
         header = _check_header(file.read(375), size, limits)
+    if header.compressed:
+        _check_chunk_table(path, header.offset, size)
     points = _decode(path, header.count)
     if len(points) < header.count:
         raise TruncatedFileError(f"{len(points)} points decoded, {header.count} are announced")
@@ -115,6 +117,22 @@ def _check_header(head: bytes, size: int, limits: Limits) -> _Header:
         bounds[:, 0],
         max(map(abs, struct.unpack_from("<3d", head, 131))),
     )
+
+
+def _check_chunk_table(path: Path, offset: int, size: int) -> None:
+    """lazrs ends the process when memory for the announced number of chunks is not to be had."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
+        if table == -1:  # a writer that could not seek back puts the place at the end
+            file.seek(size - 8)
+            (table,) = struct.unpack("<q", file.read(8))
+        if not offset <= table <= size - 8:
+            raise TruncatedFileError(f"byte {offset}: the LAZ chunk table is at byte {table}")
+        file.seek(table + 4)
+        (chunks,) = struct.unpack("<I", file.read(4))
+    if chunks > size:
+        raise TruncatedFileError(f"byte {table + 4}: {chunks} LAZ chunks in {size} bytes")
 
 
 def _decode(path: Path, count: int) -> NDArray[np.float64]:

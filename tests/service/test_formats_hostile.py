@@ -136,6 +136,14 @@ def test_the_limit_on_points_is_kept(tmp_path: Path) -> None:
             read_points(path, Limits(max_points=2))
 
 
+FINDINGS = Path(__file__).parent / "findings"
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in FINDINGS.iterdir()))
+def test_what_fuzzing_found(tmp_path: Path, name: str) -> None:
+    assert isinstance(attempt(tmp_path, (FINDINGS / name).read_bytes()), CloudFileError)
+
+
 def test_a_cut_names_the_byte(tmp_path: Path) -> None:
     found = attempt(tmp_path, ply(lists="inside")[:-1])
     assert isinstance(found, TruncatedFileError)

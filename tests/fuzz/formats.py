@@ -1,0 +1,63 @@
+"""Coverage-guided fuzzing of one reader: python -m tests.fuzz.formats FORMAT SECONDS.
+
+Whatever the bytes, a reader raises CloudFileError or gives an (N, 3) cloud no longer than the
+bytes. An input that breaks this is written to build/fuzz/FORMAT/; put right, it belongs into
+tests/service/findings/, where every test run reads it.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+import atheris
+
+with atheris.instrument_imports(include=["service.formats", "laspy", "pye57", "trimesh"]):
+    import laspy  # noqa: F401
+    import pye57  # noqa: F401
+    import trimesh.sample  # noqa: F401
+
+    from service.formats import FORMATS, CloudFileError, Limits, read_points, sniff
+
+from tests.service.cloud_files import seeds
+from tests.service.scanner_files import kitti, scanner_seeds
+
+LIMITS = Limits(max_points=100_000)
+MOST_BYTES = 20_000
+
+
+def main() -> None:
+    name, seconds = sys.argv[1], int(sys.argv[2])
+    (format,) = (item for item in FORMATS if item.name == name)
+    folder = Path("build/fuzz") / name
+    folder.mkdir(parents=True, exist_ok=True)
+    files = seeds() | scanner_seeds() | {"kitti": kitti()}
+    for kind, content in files.items():
+        if kind == name or sniff(content[:4096]) == name:
+            (folder / kind.replace(" ", "-")).write_bytes(content)
+    options = [f"-max_total_time={seconds}", f"-max_len={MOST_BYTES}", "-timeout=20"]
+    options += ["-rss_limit_mb=3000", "-verbosity=0", f"-artifact_prefix={folder}/"]
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as scratch:
+        path = Path(scratch) / "cloud"
+
+        def one_input(data: bytes) -> None:
+            path.write_bytes(data)
+            choices = dict.fromkeys(format.choices, 0 if "scan" in format.choices else 10)
+            for chosen in ({}, choices):
+                try:
+                    points = read_points(path, LIMITS, format=name, **chosen).points
+                except CloudFileError:
+                    continue
+                assert points.ndim == 2
+                assert points.shape[1] == 3
+                assert len(points) <= max(len(data), 10) or format.read is None
+
+        warnings.simplefilter("ignore")
+        atheris.Setup([sys.argv[0], *options, str(folder)], one_input)
+        atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
