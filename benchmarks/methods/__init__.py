@@ -11,7 +11,7 @@ from benchmarks.methods.icp import ICP
 from benchmarks.methods.kiss import KISS
 from benchmarks.methods.lm_icp import LM_ICP
 from benchmarks.methods.method import Method
-from benchmarks.methods.ours import MPE, MPL
+from benchmarks.methods.ours import MPE, MPL, MPL_PAPER
 from benchmarks.methods.trimmed import TRIMMED_ICP
 
 GLOBAL = [MPL, KISS, FPFH_RANSAC, FGR]
@@ -33,6 +33,7 @@ __all__ = [
     "LOCAL",
     "MPE",
     "MPL",
+    "MPL_PAPER",
     "TRIMMED_ICP",
     "Method",
 ]

@@ -13,5 +13,10 @@ def _method(name: str, settings: str, options: RegistrationOptions) -> Method:
     return Method(name, "mpe", run, settings)
 
 
-MPL = _method("MPL", "defaults", RegistrationOptions())
+MPL = _method("MPL", "defaults: global search", RegistrationOptions())
+MPL_PAPER = _method(
+    "MPL as printed",
+    "Algorithm 1 on 1,600 points, then trimmed ICP",
+    RegistrationOptions(search="sparse"),
+)
 MPE = _method("MPE", "Algorithm 1 on all points", RegistrationOptions(method="mpe"))

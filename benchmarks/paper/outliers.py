@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.comparison import Row, compare, curves, described, medians, settings_text
 from benchmarks.experiment import DATA, Experiment, Result, markdown
-from benchmarks.methods import CPD, LM_ICP, MPL, TRIMMED_ICP
+from benchmarks.methods import CPD, LM_ICP, MPL, MPL_PAPER, TRIMMED_ICP
 from tests.clouds import Trial, bunny, moved
 
 COUNTS = (0, 200, 950, 2000, 2800)
@@ -25,7 +25,7 @@ def _trials() -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
-    methods = [MPL, TRIMMED_ICP, LM_ICP, CPD]
+    methods = [MPL, MPL_PAPER, TRIMMED_ICP, LM_ICP, CPD]
     return {"rows": compare(methods, _trials()), "methods": described(methods)}
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.comparison import Row, compare, curves, described, medians, settings_text
 from benchmarks.experiment import DATA, Experiment, Result, markdown
-from benchmarks.methods import CPD, EM_ICP, MPE, MPL
+from benchmarks.methods import CPD, EM_ICP, MPE, MPL, MPL_PAPER
 from mpe_core.sampling import random_rows
 from tests.clouds import Trial, bunny, moved
 
@@ -24,9 +24,9 @@ def _trials(counts: tuple[int, ...]) -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
-    everyone = [MPL, MPE, EM_ICP, CPD]
+    everyone = [MPL, MPL_PAPER, MPE, EM_ICP, CPD]
     rows = []
-    for methods, counts in ((everyone, SMALL), (everyone[:3], MEDIUM), (everyone[:2], LARGE)):
+    for methods, counts in ((everyone, SMALL), (everyone[:4], MEDIUM), (everyone[:3], LARGE)):
         rows += compare(methods, _trials(counts))
     return {"rows": rows, "methods": described(everyone)}
 
