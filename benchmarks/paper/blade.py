@@ -16,7 +16,10 @@ from tests.clouds import Array, Trial, motion
 
 POINTS = 5000
 TRIALS = 20
-TOLERANCE = 1.5  # of the point spacing: how far a right match may lie from the true place
+TOLERANCE, LOOSE = 1.5, 5.0  # point spacings that a right match may lie from the true place
+
+
+COLUMNS = ("MPL", "FPFH", "FPFH, loose")
 
 
 def _surface(seed: int) -> Array:
@@ -38,10 +41,10 @@ def _trial(part: str, seed: int) -> Trial:
     return Trial(apply(T, source), target, inverse(T))
 
 
-def _precision(trial: Trial, pairs: NDArray[np.integer]) -> float:
+def _precision(trial: Trial, pairs: NDArray[np.integer], tolerance: float) -> float:
     """Right ones of the matched rows (K, 2) over all true matches, as in the paper."""
     tree = KDTree(trial.target)
-    limit = TOLERANCE * float(np.median(tree.query(trial.target, k=2)[0][:, 1]))
+    limit = tolerance * float(np.median(tree.query(trial.target, k=2)[0][:, 1]))
     true_matches = (tree.query(apply(trial.T_target_source, trial.source))[0] < limit).sum()
     moved = apply(trial.T_target_source, trial.source[pairs[:, 0]])
     gap = np.linalg.norm(moved - trial.target[pairs[:, 1]], axis=1)
@@ -66,12 +69,14 @@ def run() -> Result:
             found = register(trial.source, trial.target)
             degrees, _ = pose_error(found.T_target_source, trial.T_target_source, trial.source)
             ours = np.column_stack([found.inliers.source, found.inliers.target])
+            fpfh = _fpfh_matches(trial)
             rows.append(
                 {
                     "part": part,
                     "degrees": degrees,
-                    "MPL": _precision(trial, ours),
-                    "FPFH": _precision(trial, _fpfh_matches(trial)),
+                    "MPL": _precision(trial, ours, TOLERANCE),
+                    "FPFH": _precision(trial, fpfh, TOLERANCE),
+                    "FPFH, loose": _precision(trial, fpfh, LOOSE),
                 }
             )
     return {"rows": rows}
@@ -81,15 +86,15 @@ def table(result: Result) -> str:
     rows = []
     for part, paper in (("whole", "below 15 %"), ("half", "below 4 %")):
         mine = [r for r in result["rows"] if r["part"] == part]
-        ours, fpfh = (float(np.mean([r[key] for r in mine])) for key in ("MPL", "FPFH"))
+        shares = [f"{np.mean([r[key] for r in mine]):.1%}" for key in COLUMNS]
         right = f"{sum(r['degrees'] < 2 for r in mine)}/{len(mine)}"
         degrees = float(np.median([r["degrees"] for r in mine]))
-        rows.append((part, right, degrees, f"{ours:.1%}", f"{fpfh:.1%}", paper))
-    columns = ("blade", "within 2 degrees", "median degrees", "MPL", "FPFH", "FPFH in the paper")
+        rows.append((part, right, degrees, *shares, paper))
+    columns = ("blade", "within 2 degrees", "median degrees", *COLUMNS, "FPFH in the paper")
     return (
         f"NASA's compressor blade, two independent samples of {POINTS} surface points, one turned "
         f"at random over SO(3); {TRIALS} trials. Precision is the share of the true matches that a "
-        f"method matches right, within {TOLERANCE} point spacings. The paper's own blade was "
+        f"method matches right, within {TOLERANCE} point spacings (loose: {LOOSE:.0f}). The paper's own blade was "
         f"measured and is not public.\n\n" + markdown(columns, rows)
     )
 
