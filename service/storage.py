@@ -52,8 +52,6 @@ class BlobWriter:
 
     def commit(self) -> Blob:
         """Make the blob durable under its name and return it."""
-        self._file.flush()
-        os.fsync(self._file.fileno())
         self._file.close()
         blob = Blob(self._hash.hexdigest(), self._size)
         self._store.install(Path(self._file.name), blob)
@@ -117,7 +115,7 @@ class BlobStore:
         return True
 
     def adopt(self, path: Path) -> Blob:
-        """Make a finished, synced file of the same file system a blob; the file is gone then."""
+        """Make a finished file of the same file system a blob; the file is gone then."""
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         blob = Blob(sha256, path.stat().st_size)
@@ -126,12 +124,24 @@ class BlobStore:
         return blob
 
     def install(self, path: Path, blob: Blob) -> None:
-        """Rename the file to the blob's name, durably."""
+        """Give the file the blob's name, durably; drop it when the blob is there already."""
         final = self.path(blob.sha256)
-        final.parent.mkdir(exist_ok=True)
-        with self.locked():
-            path.replace(final)
+        if not self._is_there(final):
+            with path.open("rb") as file:
+                os.fsync(file.fileno())
+            final.parent.mkdir(exist_ok=True)
+            with self.locked():
+                path.replace(final)
         _fsync_directory(final.parent)
+        path.unlink(missing_ok=True)
+
+    def _is_there(self, final: Path) -> bool:
+        """Whether the blob is stored already; it counts as new then."""
+        with self.locked():
+            if final.exists():
+                final.touch()
+                return True
+        return False
 
     def put(self, chunks: Iterable[bytes]) -> Blob:
         """Store the chunks as one blob."""

@@ -19,7 +19,13 @@ import numpy as np
 
 from mpe_core import Registration, RegistrationOptions, register
 from service.formats import CloudFileError, DecodedCloud, read_points
-from service.jobs.confinement import confine, die_with_parent
+from service.jobs.confinement import (
+    BUSY_NAME,
+    IDLE_NAME,
+    confine,
+    die_with_parent,
+    name_process,
+)
 from service.jobs.job import CloudInput, Outcome
 from service.jobs.prepared import PreparedClouds
 from service.jobs.task import Task
@@ -33,14 +39,26 @@ Report = Callable[[str, float], None]
 PROGRESS_EVERY_S = 0.2
 READING_SHARE = 0.1
 """Share of an attempt's progress that stands for fetching and decoding."""
-WORKER_NICENESS = 5  # the API answers first
+WORKER_NICENESS = 10  # the API answers first
+
+
+def stand_by(connection: Connection) -> None:
+    """Say that this process is there, wait for its one task, perform it."""
+    from service.jobs.warm import FORKSERVER
+
+    die_with_parent(FORKSERVER)
+    name_process(IDLE_NAME)
+    send(connection, {"ready": True})
+    try:
+        task: Task = connection.recv()
+    except EOFError:
+        return  # the service needs it no more
+    run(task, connection)
 
 
 def run(task: Task, connection: Connection) -> None:
     """Confine this process, do the work, send the outcome or the problem."""
-    from service.jobs.warm import FORKSERVER
-
-    die_with_parent(FORKSERVER)
+    name_process(BUSY_NAME)
     confine(task.limits)
     os.nice(WORKER_NICENESS)
     job_id.set(task.job_id)

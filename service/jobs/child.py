@@ -10,9 +10,10 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
 from typing import Any
+
+from service.jobs.task import Task, stand_by
 
 MAX_MESSAGE_BYTES = 1 << 20
 START_TRIES = 3
@@ -41,15 +42,37 @@ def prepare_forkserver(threads: int) -> None:
 
 
 class Child:
-    """One running child; `receive` its messages, `kill` it with all that it started, `close` it."""
+    """One child process that waits for its one task.
 
-    def __init__(self, entry: Callable[..., None], argument: object) -> None:
-        ours, theirs = multiprocessing.Pipe(duplex=False)
+    `hand` it the task, `receive` its messages, `kill` it with all that it started, `close` it.
+    """
+
+    def __init__(self) -> None:
+        ours, theirs = multiprocessing.Pipe()
         self._connection: Connection = ours
-        self._process = _context.Process(target=entry, args=(argument, theirs))
+        self._process = _context.Process(target=stand_by, args=(theirs,))
         self._closed = False
         with theirs, _processes:
             _start(self._process)
+
+    def is_ready(self, timeout_s: float) -> bool:
+        """Whether the child has said within the time that it is there; False when it died."""
+        try:
+            return self.receive(timeout_s) is not None
+        except ChildLostError:
+            return False
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process has not ended."""
+        return not wait([self._process.sentinel], timeout=0)
+
+    def hand(self, task: Task) -> None:
+        """Give the child its task; ChildLostError when it is gone."""
+        try:
+            self._connection.send(task)
+        except OSError as error:
+            raise ChildLostError(self._epitaph()) from error
 
     def receive(self, timeout_s: float) -> dict[str, Any] | None:
         """The next message, or None after the timeout; ChildLostError when none can come."""

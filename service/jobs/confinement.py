@@ -10,6 +10,9 @@ import sys
 from dataclasses import dataclass
 
 PR_SET_PDEATHSIG = 1
+PR_SET_NAME = 15
+IDLE_NAME, BUSY_NAME = "mpe-idle", "mpe-busy"
+"""What workers are called in lists of processes."""
 MAX_OPEN_FILES = 256
 MAX_FILE_BYTES = 64 * 2**30
 
@@ -26,10 +29,19 @@ class Limits:
 
 def die_with_parent(parent: int) -> None:
     """Be killed when the process `parent`, which started this one, ends (Linux)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
+
+
+def name_process(name: str) -> None:
+    """Show this process under the name (Linux)."""
+    _prctl(PR_SET_NAME, name.encode())
+
+
+def _prctl(option: int, value: int | bytes) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(option, value)
 
 
 def confine(limits: Limits) -> None:

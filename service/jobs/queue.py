@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import shutil
 import threading
 import time
 from collections.abc import Callable
 
-from service.jobs.child import Child, ChildLostError, prepare_forkserver
+from service.jobs.child import Child, prepare_forkserver
 from service.jobs.job import JobRow
 from service.jobs.store import JobStore
-from service.jobs.task import ready
 from service.jobs.worker import LEASE_S, Worker
 from service.logs import about_job
 from service.settings import Settings
 
 POLL_S = 1.0
-WARM_UP_S = 120.0
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +32,8 @@ class Queue:
     ) -> None:
         self._store = store
         self._settings = settings
-        self._worker = Worker(store, settings, announce, self._remember, ended)
+        self._announce = announce
+        self._ended = ended
         self._running: dict[str, tuple[JobRow, Child]] = {}
         self._wake = threading.Semaphore(0)
         self._stopping = threading.Event()
@@ -100,31 +98,24 @@ class Queue:
         self._running[job.id] = (job, child)
 
     def _serve(self) -> None:
-        self._warm_up()
+        worker = Worker(self._store, self._settings, self._announce, self._remember, self._ended)
         while not self._stopping.is_set():
             try:
-                self._work_or_wait()
+                if worker.standby.prepare():
+                    self._warm.set()
+                self._work_or_wait(worker)
             except Exception:
                 log.exception("a worker thread met an unexpected error and goes on")
                 self._stopping.wait(POLL_S)
+        worker.standby.close()
 
-    def _work_or_wait(self) -> None:
+    def _work_or_wait(self, worker: Worker) -> None:
         job = self._store.claim(lease_s=LEASE_S)
         if job is None:
             self._wake.acquire(timeout=POLL_S)
             return
         try:
             with about_job(job.id):
-                self._worker.work(job)
+                worker.work(job)
         finally:
             self._running.pop(job.id, None)
-
-    def _warm_up(self) -> None:
-        """Start one child that does nothing, so that the forkserver is loaded before it matters."""
-        with contextlib.suppress(ChildLostError):
-            child = Child(ready, None)
-            try:
-                if child.receive(WARM_UP_S) is not None:
-                    self._warm.set()
-            finally:
-                child.close()

@@ -27,14 +27,9 @@ class Task:
     fetch_rules: FetchRules
 
 
-def run(task: Task, connection: Connection) -> None:
-    """Entry of the child process."""
+def stand_by(connection: Connection) -> None:
+    """Entry of the child process: waits for its task, then performs it."""
     # here, not above: the service process must not load the kernels, the forkserver has them
     from service.jobs import attempt
 
-    attempt.run(task, connection)
-
-
-def ready(_: None, connection: Connection) -> None:
-    """Entry of a child that does nothing: one that ends well shows that the forkserver is warm."""
-    connection.send_bytes(b'{"ready": true}')
+    attempt.stand_by(connection)

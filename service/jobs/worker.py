@@ -6,15 +6,16 @@ import logging
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
 from service.jobs.job import CloudInput, JobRow, Outcome, is_terminal
+from service.jobs.standby import Standby
 from service.jobs.store import JobStore
-from service.jobs.task import Task, run
+from service.jobs.task import Task
 from service.jobs.work import work_key
 from service.problems import DeadlineError, JobTimeoutError, ServiceError, error_problem
 from service.settings import Settings
@@ -28,7 +29,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Worker:
-    """Runs attempts, each in a child process; every call blocks until the attempt has ended."""
+    """Runs attempts, each in a child process; belongs to one thread, which waits meanwhile."""
 
     store: JobStore
     settings: Settings
@@ -38,6 +39,7 @@ class Worker:
     """Called with the job and its child, so that a cancel can kill it."""
     ended: Callable[[JobRow], None]
     """Called with the job's row when an attempt has ended the job."""
+    standby: Standby = field(default_factory=Standby)
 
     def work(self, job: JobRow) -> None:
         """One attempt at a claimed job, to its end in the store."""
@@ -60,15 +62,22 @@ class Worker:
             self.ended(row)
 
     def _attempt(self, job: JobRow, task: Task) -> None:
-        child = Child(run, task)
+        child = self.standby.take()
+        answered = False
         try:
             self.started(job, child)
-            self._follow(job, child)
+            child.hand(task)
+            self.standby.prepare()  # for the next job, while this one runs
+            answered = self._follow(job, child)
         finally:
             child.kill()
-            child.close()
+            if answered:
+                self.standby.let_end(child)
+            else:
+                child.close()
 
-    def _follow(self, job: JobRow, child: Child) -> None:
+    def _follow(self, job: JobRow, child: Child) -> bool:
+        """Record what the child says; True when it has given its answer, False when it must end."""
         bound = self._bound(job)
         beat = time.time() + HEARTBEAT_S
         mine = True
@@ -76,17 +85,20 @@ class Worker:
             now = time.time()
             if now >= bound.at:
                 self.store.fail(job, error_problem(bound.error), {})
-                return
+                return False
             if now >= beat:
                 mine = self.store.heartbeat(job, lease_s=LEASE_S)
                 beat = now + HEARTBEAT_S
             message = child.receive(min(bound.at, beat) - now)
             if message is None:
                 continue
-            if self._conclude(job, message):
-                return
-            mine = self.store.progress(job, message["stage"], message["fraction"])
+            answered = self._conclude(job, message)
+            if not answered:
+                mine = self.store.progress(job, message["stage"], message["fraction"])
             self.announce(job.id)
+            if answered:
+                return True
+        return False
 
     def _conclude(self, job: JobRow, message: dict[str, Any]) -> bool:
         if "outcome" in message:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import psutil
 
+from service.jobs.confinement import BUSY_NAME
 from tests.server import Server
 
 
@@ -15,7 +16,16 @@ def forkserver(server: Server) -> psutil.Process:
 
 
 def workers(server: Server) -> list[psutil.Process]:
-    return forkserver(server).children(recursive=True)
+    """The processes that perform a job; those that wait for one are left out."""
+    children = forkserver(server).children(recursive=True)
+    return [child for child in children if _name(child) == BUSY_NAME]
+
+
+def _name(process: psutil.Process) -> str:
+    try:
+        return process.name()
+    except psutil.NoSuchProcess:
+        return ""
 
 
 def all_of(data_dir: Path) -> list[psutil.Process]:
