@@ -4,8 +4,7 @@ from benchmarks.experiment import main
 from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
 from benchmarks.scaling import SCALING
-from benchmarks.service import SERVICE
 from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
-    main([KERNELS, PAIRS, SCALING, SERVICE, LOAD], "python -m benchmarks")
+    main([KERNELS, PAIRS, SCALING, LOAD], "python -m benchmarks")

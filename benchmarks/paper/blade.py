@@ -94,8 +94,8 @@ def table(result: Result) -> str:
     return (
         f"NASA's compressor blade, two independent samples of {POINTS} surface points, one turned "
         f"at random over SO(3); {TRIALS} trials. Precision is the share of the true matches that a "
-        f"method matches right, within {TOLERANCE} point spacings (loose: {LOOSE:.0f}). The paper's own blade was "
-        f"measured and is not public.\n\n" + markdown(columns, rows)
+        f"method matches right, within {TOLERANCE} point spacings (loose: {LOOSE:.0f}). The "
+        f"paper's own blade was measured and is not public.\n\n" + markdown(columns, rows)
     )
 
 
