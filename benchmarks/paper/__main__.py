@@ -10,7 +10,7 @@ from benchmarks.paper.streets import STREETS
 from benchmarks.paper.times import TIMES
 from benchmarks.paper.uwa import UWA
 
-main(
-    [NOISE, OUTLIERS, SIZE, SAMPLING, TIMES, UWA, BLADE, STREETS],
-    "python -m benchmarks.paper",
-)
+EXPERIMENTS = [NOISE, OUTLIERS, SIZE, SAMPLING, TIMES, UWA, BLADE, STREETS]
+
+if __name__ == "__main__":
+    main(EXPERIMENTS, "python -m benchmarks.paper")
