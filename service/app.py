@@ -14,6 +14,7 @@ from service.lingering import LingeringClose
 from service.metrics import Metrics
 from service.openapi import describe
 from service.routes import (
+    aligned,
     clouds,
     deliveries,
     events,
@@ -40,7 +41,17 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(LingeringClose)
     app.add_middleware(Access, metrics=metrics)
     register_error_handlers(app, metrics)
-    for module in (registrations, inliers, events, deliveries, clouds, uploads, formats, health):
+    for module in (
+        registrations,
+        inliers,
+        aligned,
+        events,
+        deliveries,
+        clouds,
+        uploads,
+        formats,
+        health,
+    ):
         app.include_router(module.router)
     describe(app)
     return app

@@ -12,11 +12,12 @@ from service.formats.errors import (
     UnknownFormatError,
     UnsupportedFileError,
 )
-from service.formats.ply import write_ply
 from service.formats.reading import read_points, sniff
+from service.formats.writing import WRITERS, write_cloud, write_ply
 
 __all__ = [
     "FORMATS",
+    "WRITERS",
     "CloudFileError",
     "DecodedCloud",
     "FileLimitError",
@@ -28,5 +29,6 @@ __all__ = [
     "UnsupportedFileError",
     "read_points",
     "sniff",
+    "write_cloud",
     "write_ply",
 ]

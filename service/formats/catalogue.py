@@ -23,7 +23,7 @@ from service.formats import (
 )
 from service.formats.cloud import DecodedCloud
 
-Choice = Literal["scan", "surface_samples"]
+Choice = Literal["scan", "surface_samples", "attributes"]
 
 
 def _never(_: Any) -> bool:
@@ -55,6 +55,7 @@ FORMATS = (
         (".ply",),
         _starts(b"ply\n", b"ply\r\n", b"ply "),
         ply.read,
+        ("attributes",),
     ),
     Format(
         "pcd",
@@ -62,6 +63,7 @@ FORMATS = (
         (".pcd",),
         pcd.sniff,
         pcd.read,
+        ("attributes",),
     ),
     Format(
         "las",
@@ -69,6 +71,7 @@ FORMATS = (
         (".las", ".laz"),
         _starts(las.MAGIC),
         las.read,
+        ("attributes",),
     ),
     Format(
         "e57",

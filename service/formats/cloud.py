@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ class DecodedCloud:
     """(N, 3) as stored, where the file has them; not normalised."""
     viewpoint: tuple[float, ...] | None = None
     """Sensor pose of a PCD file: tx, ty, tz, qw, qx, qy, qz."""
+    attributes: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    """(N,) columns beside the coordinates by their names in the file, only if asked for."""
 
 
 @dataclass(frozen=True, slots=True)

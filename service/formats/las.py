@@ -9,6 +9,7 @@ import logging
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,8 @@ class _Header:
     scale: float
 
 
-def read(path: Path, limits: Limits) -> DecodedCloud:
-    """Read the coordinates of all points: X * scale + offset, in float64.
+def read(path: Path, limits: Limits, *, attributes: bool = False) -> DecodedCloud:
+    """Read the coordinates of all points, X * scale + offset in float64; the rest if asked for.
 
     Raises
     ------
@@ -56,14 +57,15 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
         header = _check_header(file.read(375), size, limits)
     if header.compressed:
         _check_chunk_table(path, header.offset, size)
-    points = _decode(path, header.count)
+    points, kept = _decode(path, header.count, attributes=attributes)
     if len(points) < header.count:
         raise TruncatedFileError(f"{len(points)} points decoded, {header.count} are announced")
     left = size - header.offset - header.count * header.row
     warnings = _doubts(header, points)
     if left > 0 and not header.compressed:
         warnings += (f"{left} bytes after the last point are ignored",)
-    return DecodedCloud(points, "laz" if header.compressed else "las", warnings)
+    name = "laz" if header.compressed else "las"
+    return DecodedCloud(points, name, warnings, attributes=kept)
 
 
 def _doubts(header: _Header, points: NDArray[np.float64]) -> tuple[str, ...]:
@@ -135,16 +137,21 @@ def _check_chunk_table(path: Path, offset: int, size: int) -> None:
         raise TruncatedFileError(f"byte {table + 4}: {chunks} LAZ chunks in {size} bytes")
 
 
-def _decode(path: Path, count: int) -> NDArray[np.float64]:
+def _decode(
+    path: Path, count: int, *, attributes: bool
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.generic]]]:
     import laspy
 
     logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it logs, it raises as well
     parts: list[NDArray[np.float64]] = [np.empty((0, 3))]
+    kept: dict[str, list[NDArray[np.generic]]] = {}
     try:
         with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as file:
             _check_chunk_size(file.header)
             for chunk in file.chunk_iterator(_CHUNK):
                 parts.append(np.stack([chunk.x, chunk.y, chunk.z], axis=1))
+                for name in _dimensions(chunk) if attributes else ():
+                    kept.setdefault(name, []).append(np.array(chunk[name]))
                 if sum(map(len, parts)) >= count:
                     break
     except BaseException as error:
@@ -153,7 +160,14 @@ def _decode(path: Path, count: int) -> NDArray[np.float64]:
         if not ours or isinstance(error, (MemoryError, FileLimitError)):
             raise
         raise MalformedFileError(f"the points cannot be decoded: {str(error)[:200]}") from None
-    return np.concatenate(parts)
+    columns = {name: np.concatenate(chunks) for name, chunks in kept.items()}
+    return np.concatenate(parts), columns
+
+
+def _dimensions(chunk: Any) -> list[str]:
+    """Names of the dimensions of one number beside the coordinates."""
+    names = [name for name in chunk.point_format.dimension_names if name not in ("X", "Y", "Z")]
+    return [name for name in names if np.ndim(chunk[name]) == 1]
 
 
 def _check_chunk_size(header: object) -> None:

@@ -53,8 +53,8 @@ def sniff(head: bytes) -> bool:
     return _START.match(head) is not None
 
 
-def read(path: Path, limits: Limits) -> DecodedCloud:
-    """Read the points, normals and viewpoint of a PCD file.
+def read(path: Path, limits: Limits, *, attributes: bool = False) -> DecodedCloud:
+    """Read the points, normals and viewpoint of a PCD file, and all single fields if asked for.
 
     Raises
     ------
@@ -67,21 +67,41 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     if xyz is None:
         raise MalformedFileError(f"FIELDS {' '.join(header.fields)[:80]}: no x, y, z")
     places = xyz + (normals or ())
+    if attributes:
+        places += _others(header, places)
     if any(header.counts[i] != 1 or header.types[i][1] not in "fiu" for i in places):
         raise MalformedFileError("a coordinate with a COUNT other than 1")
     present = path.stat().st_size - header.size
     if header.data == "ascii":
         row_bytes = 2 * sum(header.counts)
         check_count(header.points, row_bytes, present + 1, "POINTS", limits)
-        table, warnings = _ascii(path, header, places, limits)
+        columns, warnings = _ascii(path, header, places, limits)
     else:
         row_bytes = 1 if header.data == "binary_compressed" else header.row.itemsize
         check_count(header.points, row_bytes, present * _ratio(header), "POINTS", limits)
         decode = _compressed if header.data == "binary_compressed" else _binary
-        table, warnings = decode(mapped(path), header, places)
-    table = table.astype(_precision(header, xyz), copy=False)
+        columns, warnings = decode(mapped(path), header, places)
+    dtype = _precision(header, xyz)
+    kept = {
+        header.fields[place]: column.astype(header.types[place][1:])
+        for place, column in zip(places[3:], columns[3:], strict=True)
+    }
     return DecodedCloud(
-        table[:, :3], "pcd", warnings, table[:, 3:] if normals else None, header.viewpoint
+        np.stack(columns[:3], axis=1).astype(dtype, copy=False),
+        "pcd",
+        warnings,
+        np.stack(columns[3:6], axis=1).astype(dtype, copy=False) if normals else None,
+        header.viewpoint,
+        kept if attributes else {},
+    )
+
+
+def _others(header: _Header, places: tuple[int, ...]) -> tuple[int, ...]:
+    """Places of the other fields of one number; those that share a name are left out."""
+    return tuple(
+        place
+        for place, name in enumerate(header.fields)
+        if place not in places and header.counts[place] == 1 and header.fields.count(name) == 1
     )
 
 
@@ -95,26 +115,26 @@ def _precision(header: _Header, xyz: tuple[int, ...]) -> type[np.floating]:
 
 def _ascii(
     path: Path, header: _Header, places: tuple[int, ...], limits: Limits
-) -> tuple[NDArray[np.floating], tuple[str, ...]]:
+) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     starts = np.concatenate(([0], np.cumsum(header.counts)))
     columns = [int(starts[place]) for place in places]
     table = read_columns(path, header.size, header.lines + 1, columns, limits, rows=header.points)
     ended = ends_with_newline(path)
-    return table, () if ended else ("the last line is not ended: it may have been cut",)
+    return list(table.T), () if ended else ("the last line is not ended: it may have been cut",)
 
 
 def _binary(
     content: memoryview, header: _Header, places: tuple[int, ...]
-) -> tuple[NDArray[np.floating], tuple[str, ...]]:
+) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     rows = np.frombuffer(content, header.row, header.points, header.size)
     left = len(content) - header.size - rows.nbytes
     warnings = (f"{left} bytes after the last point are ignored",) if left else ()
-    return np.concatenate([rows[str(place)] for place in places], axis=1), warnings
+    return [rows[str(place)][:, 0] for place in places], warnings
 
 
 def _compressed(
     content: memoryview, header: _Header, places: tuple[int, ...]
-) -> tuple[NDArray[np.floating], tuple[str, ...]]:
+) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     import lzf
 
     start = header.size + 8
@@ -139,9 +159,7 @@ def _compressed(
         for place in places
     ]
     left = len(content) - start - packed
-    return np.stack(columns, axis=1), (
-        (f"{left} bytes after the last point are ignored",) if left else ()
-    )
+    return columns, (f"{left} bytes after the last point are ignored",) if left else ()
 
 
 def _column_starts(header: _Header, size: int) -> list[int]:

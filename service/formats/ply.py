@@ -22,8 +22,8 @@ _XYZ = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
 
 
-def read(path: Path, limits: Limits) -> DecodedCloud:
-    """Read the vertices of a PLY file.
+def read(path: Path, limits: Limits, *, attributes: bool = False) -> DecodedCloud:
+    """Read the vertices of a PLY file, with all their scalar properties if asked for.
 
     Raises
     ------
@@ -35,23 +35,22 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     header = parse_header(head, limits)
     before, vertex, after = _around_vertex(header)
     _check_sizes(header, path.stat().st_size, vertex, limits)
-    wanted = _wanted(vertex)
+    wanted = _wanted(vertex, attributes=attributes)
     if header.order:
         table, warnings = _read_binary(path, header, before, vertex, after, wanted)
     else:
         table, warnings = _read_ascii(path, header, before, vertex, wanted, limits)
-    normals = table[:, 3:] if len(wanted) > 3 else None
-    return DecodedCloud(table[:, :3], "ply", warnings, normals)
-
-
-def write_ply(path: Path, points: NDArray[np.floating]) -> None:
-    """Write (N, 3) points as a binary little-endian PLY file, in their precision."""
-    double = points.dtype.itemsize > 4
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
-    lines += [f"property {'double' if double else 'float'} {name}" for name in _XYZ]
-    with path.open("wb") as file:
-        file.write("\n".join([*lines, "end_header\n"]).encode())
-        file.write(np.ascontiguousarray(points, "<f8" if double else "<f4").tobytes())
+    dtype = _dtype(vertex)
+    normals = table[:, 3:6].astype(dtype, copy=False) if _NORMALS[0] in wanted[3:4] else None
+    types = {item.name: item.type for item in vertex.properties}
+    kept = {name: table[:, i].astype(types[name]) for i, name in enumerate(wanted) if i > 2}
+    return DecodedCloud(
+        table[:, :3].astype(dtype, copy=False),
+        "ply",
+        warnings,
+        normals,
+        attributes=kept if attributes else {},
+    )
 
 
 def _around_vertex(header: Header) -> tuple[list[Element], Element, list[Element]]:
@@ -76,12 +75,15 @@ def _check_sizes(header: Header, size: int, vertex: Element, limits: Limits) -> 
         )
 
 
-def _wanted(vertex: Element) -> tuple[str, ...]:
-    scalars = {item.name for item in vertex.properties if not item.count_type}
+def _wanted(vertex: Element, *, attributes: bool) -> tuple[str, ...]:
+    """Coordinates, then the normal if there is one, then the others if asked for."""
+    scalars = [item.name for item in vertex.properties if not item.count_type]
     for name in _XYZ:
         if name not in scalars:
             raise MalformedFileError(f"element vertex has no property {name!r}")
-    return _XYZ + _NORMALS if scalars.issuperset(_NORMALS) else _XYZ
+    wanted = _XYZ + _NORMALS if set(_NORMALS) <= set(scalars) else _XYZ
+    others = tuple(name for name in scalars if name not in wanted)
+    return wanted + others if attributes else wanted
 
 
 def _read_binary(
@@ -91,7 +93,7 @@ def _read_binary(
     vertex: Element,
     after: list[Element],
     wanted: tuple[str, ...],
-) -> tuple[NDArray[np.floating], tuple[str, ...]]:
+) -> tuple[NDArray[np.generic], tuple[str, ...]]:
     content, offset = mapped(path), header.size
     for element in before:
         _, offset = read_rows(content, offset, element, header.order, ())
@@ -104,7 +106,7 @@ def _read_binary(
     warnings = (
         (f"{left - least} bytes after the last row are ignored",) if known and left > least else ()
     )
-    return table.astype(_dtype(vertex, wanted), copy=False), warnings
+    return table, warnings
 
 
 def _read_ascii(
@@ -126,7 +128,7 @@ def _read_ascii(
     warnings: tuple[str, ...] = ()
     if vertex is header.elements[-1] and not ends_with_newline(path):
         warnings = ("the last line is not ended: its last number may have been cut",)
-    return table.astype(_dtype(vertex, wanted)), warnings
+    return table, warnings
 
 
 def _skip_lines(path: Path, offset: int, count: int, line: int, limits: Limits) -> int:
@@ -141,6 +143,6 @@ def _skip_lines(path: Path, offset: int, count: int, line: int, limits: Limits) 
         return file.tell()
 
 
-def _dtype(vertex: Element, wanted: tuple[str, ...]) -> np.dtype[np.floating]:
-    types = {item.type for item in vertex.properties if item.name in wanted[:3]}
+def _dtype(vertex: Element) -> np.dtype[np.floating]:
+    types = {item.type for item in vertex.properties if item.name in _XYZ}
     return np.dtype(np.float32 if types == {"f4"} else np.float64)

@@ -30,12 +30,13 @@ def read_points(
     format: str | None = None,
     scan: int | None = None,
     surface_samples: int | None = None,
+    attributes: bool = False,
 ) -> DecodedCloud:
     """Decode a cloud file; the content decides the format, unless it is declared.
 
     ``scan`` picks one scan, counted from 0, of a file with several, which are merged otherwise.
     ``surface_samples`` takes that many points of a mesh's surface, spread evenly by area, instead
-    of its vertices.
+    of its vertices. ``attributes`` keeps the other columns of PLY, PCD, LAS and LAZ.
 
     Raises
     ------
@@ -46,7 +47,11 @@ def read_points(
     if path.stat().st_size == 0:
         raise TruncatedFileError("the file is empty")
     found = _sniffed(path) if format is None else _named(format)
-    choices: dict[Choice, int | None] = {"scan": scan, "surface_samples": surface_samples}
+    choices: dict[Choice, int | None] = {
+        "scan": scan,
+        "surface_samples": surface_samples,
+        "attributes": attributes,
+    }
     return _read(found, path, limits or Limits(), choices)
 
 
@@ -62,7 +67,7 @@ def _read(
                 raise UnsupportedFileError("an archive within an archive")
             return _read(inside, inner, limits, choices)
     for name, value in choices.items():
-        if value is not None and name not in found.choices:
+        if name != "attributes" and value is not None and name not in found.choices:
             raise MalformedFileError(f"{name} is chosen, but the file is of format {found.name}")
     return found.read(path, limits, **{name: choices[name] for name in found.choices})
 

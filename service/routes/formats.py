@@ -20,7 +20,7 @@ def list_formats() -> FormatList:
                 title=item.title,
                 extensions=list(item.extensions),
                 declared=item.sniff is None,
-                choices=list(item.choices),
+                choices=[name for name in item.choices if name != "attributes"],
             )
             for item in FORMATS
         ]

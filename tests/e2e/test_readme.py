@@ -67,6 +67,9 @@ def test_curl_examples(outputs: list[str], folder: Path) -> None:
     assert len(pairs) == second["result"]["inliers"]["count"]
     as_json = json.loads((folder / "build/demo/inliers.json").read_text())
     assert as_json["count"] == len(pairs)
+    merged = read_points(folder / "build/demo/merged.pcd")
+    sizes = [len(read_points(folder / f"build/demo/{n}.ply").points) for n in ("source", "target")]
+    assert len(merged.points) == sum(sizes)
     assert second["id"] in [item["id"] for item in json.loads(lists)["items"]]
     assert removed.strip() == ""
     problem = json.loads(refused)

@@ -1,0 +1,85 @@
+"""/v1/registrations/{id}/aligned: the source in the target's frame, as a file."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+import threading
+from pathlib import Path
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from fastapi.responses import FileResponse
+from starlette.background import BackgroundTask
+
+from service.dependencies import CurrentService, KnownJob
+from service.jobs.aligning import Alignment, write_aligned
+from service.problems import ExpiredError, ResultNotReadyError
+
+router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
+
+FILE = "application/octet-stream"
+_at_once = threading.BoundedSemaphore(2)  # each takes the memory of two decoded clouds
+
+
+@router.get(
+    "/{job_id}/aligned",
+    operation_id="getAligned",
+    summary="Fetch the source in the target's frame",
+    response_class=FileResponse,
+    responses={
+        200: {
+            "content": {FILE: {"schema": {"type": "string", "format": "binary"}}},
+            "description": "The moved source, in the order of its file. Attributes of PLY, PCD, "
+            "LAS and LAZ files are kept as far as the format can hold them, normals are turned.",
+        }
+    },
+)
+def aligned(
+    job: KnownJob,
+    service: CurrentService,
+    format: Annotated[
+        Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
+    ] = "ply",
+    merged: Annotated[
+        bool,
+        Query(
+            description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."
+        ),
+    ] = False,
+) -> FileResponse:
+    """Written when it is asked for, by a process of its own."""
+    if job.status != "succeeded":
+        raise ResultNotReadyError(
+            f"The registration is {job.status}; only a result can be applied."
+        )
+    paths = [service.blobs.path(sha) for sha in (job.result_sha256, job.source.sha256) if sha]
+    target = service.blobs.path(job.target.sha256) if job.target.sha256 else None
+    if len(paths) < 2 or target is None or not all(path.exists() for path in (*paths, target)):
+        raise ExpiredError("The result or a cloud has expired; register the clouds again.")
+    folder = tempfile.mkdtemp(prefix="aligned-", dir=service.settings.data_dir / "scratch")
+    output = Path(folder) / f"{job.id}-aligned.{format}"
+    alignment = Alignment(
+        transform=json.loads(paths[0].read_bytes())["transform"],
+        source=str(paths[1]),
+        source_reading=job.source.reading,
+        target=str(target) if merged else None,
+        target_reading=job.target.reading,
+        format=format,
+        output=str(output),
+        memory_bytes=service.settings.job_memory_bytes,
+        timeout_s=service.settings.job_timeout_s,
+    )
+    try:
+        with _at_once:
+            write_aligned(alignment)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return FileResponse(
+        output,
+        media_type=FILE,
+        filename=output.name,
+        background=BackgroundTask(shutil.rmtree, folder, ignore_errors=True),
+    )

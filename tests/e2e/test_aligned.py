@@ -1,0 +1,95 @@
+"""The aligned source as a file: moved by the transform, its attributes kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import httpx
+import laspy
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from service.formats import DecodedCloud, read_points
+from tests.server import Server
+from tests.service.cloud_files import NORMALS, POINTS, pcd, ply
+from tests.service.scanner_files import DOUBLES, las
+
+C, S = np.cos(np.radians(20)), np.sin(np.radians(20))
+TURN = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])
+
+
+def target() -> bytes:
+    """The same cloud, turned by 20 degrees about z."""
+    rows = (DOUBLES @ TURN.T).tolist()
+    return "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in rows).encode()
+
+
+def registered(server: Server, source: bytes, goal: bytes) -> tuple[str, NDArray[np.float64]]:
+    answer = server.submit(source, goal, wait=60, options=json.dumps({"overlap": 1.0}))
+    assert answer.status_code == 200, answer.text
+    return answer.json()["id"], np.array(answer.json()["result"]["transform"])
+
+
+def fetched(server: Server, job: str, folder: Path, query: str) -> DecodedCloud:
+    answer: httpx.Response = server.client.get(f"/v1/registrations/{job}/aligned?{query}")
+    assert answer.status_code == 200, answer.text
+    path = folder / "aligned"
+    path.write_bytes(answer.content)
+    return read_points(path, attributes=True)
+
+
+@pytest.mark.parametrize("format", ["ply", "pcd", "laz", "npy"])
+def test_the_source_is_moved_and_keeps_its_attributes(
+    server: Server, tmp_path: Path, format: str
+) -> None:
+    job, T = registered(server, ply(), target())
+    cloud = fetched(server, job, tmp_path, f"format={format}")
+    expected = POINTS @ T[:3, :3].T + T[:3, 3]
+    np.testing.assert_allclose(cloud.points, expected, atol=1e-4)
+    assert np.abs(cloud.points - POINTS).max() > 1  # it did move
+    normals = NORMALS @ T[:3, :3].T
+    if format == "npy":
+        assert cloud.normals is not None
+        np.testing.assert_allclose(cloud.normals, normals, atol=1e-5)
+        return
+    kept = np.stack([cloud.attributes[name] for name in ("nx", "ny", "nz")], axis=1)
+    np.testing.assert_allclose(kept, normals, atol=1e-5)
+    np.testing.assert_array_equal(cloud.attributes["red"], np.arange(40))
+
+
+def test_attributes_of_las_and_pcd(server: Server, tmp_path: Path) -> None:
+    far = DOUBLES + np.array([500_000.0, 4_000_000, 0])
+    job, T = registered(server, las(), target())
+    for format in ("laz", "ply"):
+        cloud = fetched(server, job, tmp_path, f"format={format}")
+        np.testing.assert_allclose(cloud.points, far @ T[:3, :3].T + T[:3, 3], atol=1e-3)
+        np.testing.assert_array_equal(cloud.attributes["intensity"], np.arange(40))
+    job, _ = registered(server, pcd(), target())
+    cloud = fetched(server, job, tmp_path, "format=pcd")
+    assert set(cloud.attributes) == {"normal_x", "normal_y", "normal_z"}
+
+
+def test_merged_with_the_target(server: Server, tmp_path: Path) -> None:
+    job, _ = registered(server, ply(), target())
+    cloud = fetched(server, job, tmp_path, "format=ply&merged=true")
+    assert cloud.points.shape == (80, 3)
+    np.testing.assert_array_equal(cloud.attributes["cloud"], np.repeat([0, 1], 40))
+    np.testing.assert_allclose(cloud.points[40:], DOUBLES @ TURN.T, atol=1e-4)
+
+
+def test_laz_is_read_by_laspy_and_scratch_is_left_clean(server: Server, tmp_path: Path) -> None:
+    job, _ = registered(server, ply(), target())
+    content = server.client.get(f"/v1/registrations/{job}/aligned?format=laz").content
+    (tmp_path / "a.laz").write_bytes(content)
+    assert laspy.read(tmp_path / "a.laz").header.point_count == 40
+    assert not list((server.data_dir / "scratch").glob("aligned-*"))
+
+
+def test_what_cannot_be_fetched(server: Server) -> None:
+    assert server.client.get("/v1/registrations/none/aligned").status_code == 404
+    failed = server.submit(b"0 0 0\n1 1 1\n", target(), wait=60).json()["job"]
+    assert server.client.get(f"/v1/registrations/{failed}/aligned").status_code == 409
+    job, _ = registered(server, ply(), target())
+    assert server.client.get(f"/v1/registrations/{job}/aligned?format=doc").status_code == 422
