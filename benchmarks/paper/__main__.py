@@ -2,6 +2,7 @@
 
 from benchmarks.experiment import main
 from benchmarks.paper.blade import BLADE
+from benchmarks.paper.bunny import BUNNY
 from benchmarks.paper.noise import NOISE
 from benchmarks.paper.outliers import OUTLIERS
 from benchmarks.paper.sampling import SAMPLING
@@ -10,7 +11,7 @@ from benchmarks.paper.streets import STREETS
 from benchmarks.paper.times import TIMES
 from benchmarks.paper.uwa import UWA
 
-EXPERIMENTS = [NOISE, OUTLIERS, SIZE, SAMPLING, TIMES, UWA, BLADE, STREETS]
+EXPERIMENTS = [BUNNY, NOISE, OUTLIERS, SIZE, SAMPLING, TIMES, UWA, BLADE, STREETS]
 
 if __name__ == "__main__":
     main(EXPERIMENTS, "python -m benchmarks.paper")
