@@ -11,12 +11,15 @@ from sqlalchemy import Connection, create_engine, event
 
 from service.jobs.tables import migrate
 
+CONNECTIONS = 32
+"""Kept open; as many again for a while. More than the threads that ask: 40, and the workers."""
+
 
 class Database:
     """An SQL database at a URL: SQLite beside the blobs, or PostgreSQL; migrated when opened."""
 
     def __init__(self, url: str) -> None:
-        self._engine = create_engine(url)
+        self._engine = create_engine(url, pool_size=CONNECTIONS, max_overflow=CONNECTIONS)
         if self._engine.dialect.name == "sqlite":
             event.listen(self._engine, "connect", _configure_sqlite)
             event.listen(self._engine, "begin", _begin_sqlite)

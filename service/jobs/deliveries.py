@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from sqlalchemy import Row, and_, select, update
 
 from service.jobs.database import Database
-from service.jobs.job import ENDED
+from service.jobs.job import ENDED, DeliveryStatus
 from service.jobs.rows import plan_delivery
 from service.jobs.tables import deliveries, jobs
-
-DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]
 
 
 @dataclass(frozen=True, slots=True)

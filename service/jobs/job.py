@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]
 
 
 ENDED: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")

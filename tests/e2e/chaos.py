@@ -196,8 +196,8 @@ def _check_end(job: dict[str, Any], wanted: Wanted) -> None:
     else:
         assert job["status"] == "succeeded", job
         degrees, shift = pose_error(np.array(job["result"]["transform"]), wanted.truth, TARGET)
-        assert degrees < 0.01
-        assert shift < 1e-3
+        assert degrees < 0.1
+        assert shift < 0.02
 
 
 def run(directory: Path, *, jobs: int, kills: int, seed: int) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def test_many_scans_against_one_reference(server: Server) -> None:
         job = registered(response)
         assert job["target"]["cloud"] == cloud["id"]
         degrees, _ = pose_error(np.array(job["result"]["transform"]), truth, REFERENCE)
-        assert degrees < 0.01
+        assert degrees < 0.1
     used = server.client.get(f"/v1/clouds/{cloud['id']}").json()
     assert used["expires_at"] > cloud["expires_at"]
 

@@ -1,0 +1,79 @@
+"""What the API takes and gives; the unit of each quantity is in its description."""
+
+from __future__ import annotations
+
+from service.schemas.document import (
+    Document,
+    Problem,
+)
+from service.schemas.registration import (
+    CloudInfo,
+    Delivery,
+    DeliveryList,
+    Event,
+    Job,
+    JobPage,
+    JobSummary,
+    Progress,
+    Stage,
+    Timing,
+    Try,
+)
+from service.schemas.requests import (
+    FORMAT_NAMES,
+    CloudReference,
+    Labels,
+    Reading,
+    Readings,
+    RegistrationParameters,
+    RegistrationRequest,
+)
+from service.schemas.result import (
+    INLINE_PAIRS,
+    InlierList,
+    InlierSummary,
+    Result,
+    Rotation,
+)
+from service.schemas.service import (
+    Capacity,
+    Cloud,
+    CloudPage,
+    FormatInfo,
+    FormatList,
+    Health,
+)
+
+__all__ = [
+    "FORMAT_NAMES",
+    "INLINE_PAIRS",
+    "Capacity",
+    "Cloud",
+    "CloudInfo",
+    "CloudPage",
+    "CloudReference",
+    "Delivery",
+    "DeliveryList",
+    "Document",
+    "Event",
+    "FormatInfo",
+    "FormatList",
+    "Health",
+    "InlierList",
+    "InlierSummary",
+    "Job",
+    "JobPage",
+    "JobSummary",
+    "Labels",
+    "Problem",
+    "Progress",
+    "Reading",
+    "Readings",
+    "RegistrationParameters",
+    "RegistrationRequest",
+    "Result",
+    "Rotation",
+    "Stage",
+    "Timing",
+    "Try",
+]

@@ -1,0 +1,66 @@
+"""The pose of the source in the target's frame, and what supports it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from service.schemas.document import Document
+
+INLINE_PAIRS = 100_000
+Row = Annotated[list[float], Field(min_length=4, max_length=4)]
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
+
+
+class Rotation(Document):
+    """The rotation of the transform in other words."""
+
+    quaternion_xyzw: Row = Field(description="Unit quaternion x, y, z, w with w >= 0; no unit.")
+    angle_deg: float = Field(ge=0, le=180, description="Angle of the rotation in degrees.")
+
+
+class InlierSummary(Document):
+    """Pairs of points closer than the threshold at the final pose."""
+
+    count: int = Field(ge=0, description="Number of pairs.")
+    ratio: float = Field(ge=0, le=1, description="Share of the source points that are in a pair.")
+    threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
+    pairs: list[Pair] | None = Field(
+        description="[source index, target index] of each pair, counted from 0 in the order of the "
+        f"files; null above {INLINE_PAIRS:,} pairs: fetch .../inliers then."
+    )
+
+
+class Result(Document):
+    """The pose of the source in the target's frame, and how far to trust it."""
+
+    transform: Annotated[list[Row], Field(min_length=4, max_length=4)] = Field(
+        description="4x4 rigid transform, row-major, for column vectors: "
+        "x_target = R x_source + t; the last column in the input's unit."
+    )
+    rotation: Rotation
+    translation: Vector = Field(description="t of the transform, in the input's unit.")
+    overlap: float = Field(
+        ge=0, le=1, description="Share of the source points with a counterpart in the target."
+    )
+    rmse: float = Field(
+        ge=0, description="Root mean square distance of the inliers, in the input's unit."
+    )
+    energy: float = Field(
+        description="P2 criterion of the pose, mean over the source, in [-1, 0]; no unit."
+    )
+    confidence: float = Field(ge=0, le=1, description="How likely the pose is right, in [0, 1].")
+    converged: bool = Field(description="Whether the refinement settled before its bound.")
+    iterations: int = Field(ge=0, description="Iterations of the last stage; a count.")
+    inliers: InlierSummary
+
+
+class InlierList(Document):
+    """All inlier pairs, by source index."""
+
+    count: int = Field(ge=0, description="Number of pairs.")
+    threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
+    pairs: list[Pair] = Field(description="[source index, target index] of each pair.")
+    distances: list[float] = Field(description="Distance of each pair, in the input's unit.")
