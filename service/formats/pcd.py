@@ -7,45 +7,21 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.cloud import DecodedCloud, Limits, check_count
-from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
+from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.mapped import mapped
 from service.formats.names import find_normals, find_xyz
+from service.formats.pcd_header import Header, parse_header
 from service.formats.table import ends_with_newline, read_columns
 
 _START = re.compile(rb"(\s*#[^\n]*\n)*\s*(VERSION|FIELDS|COLUMNS)\s")
-_KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
-_TYPES = {"F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"}
 _MOST_PER_BYTE = 88
 """LZF expands at most 264 bytes from 3."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Header:
-    fields: tuple[str, ...]
-    types: tuple[str, ...]  # NumPy's codes: "<f4"
-    counts: tuple[int, ...]
-    points: int
-    data: str
-    viewpoint: tuple[float, ...] | None
-    size: int  # bytes
-    lines: int
-
-    @property
-    def row(self) -> np.dtype[np.void]:
-        """Layout of a point; fields are named by their place, for names may repeat ("_")."""
-        return np.dtype(
-            [
-                (str(i), t, (n,))
-                for i, (t, n) in enumerate(zip(self.types, self.counts, strict=True))
-            ]
-        )
 
 
 def sniff(head: bytes) -> bool:
@@ -62,7 +38,7 @@ def read(path: Path, limits: Limits, *, attributes: bool = False) -> DecodedClou
         With the line or byte at fault.
     """
     with path.open("rb") as file:
-        header = _parse(file.read(limits.max_header_bytes), limits)
+        header = parse_header(file.read(limits.max_header_bytes), limits)
     xyz, normals = find_xyz(header.fields), find_normals(header.fields)
     if xyz is None:
         raise MalformedFileError(f"FIELDS {' '.join(header.fields)[:80]}: no x, y, z")
@@ -96,7 +72,7 @@ def read(path: Path, limits: Limits, *, attributes: bool = False) -> DecodedClou
     )
 
 
-def _others(header: _Header, places: tuple[int, ...]) -> tuple[int, ...]:
+def _others(header: Header, places: tuple[int, ...]) -> tuple[int, ...]:
     """Places of the other fields of one number; those that share a name are left out."""
     return tuple(
         place
@@ -105,16 +81,16 @@ def _others(header: _Header, places: tuple[int, ...]) -> tuple[int, ...]:
     )
 
 
-def _ratio(header: _Header) -> int:
+def _ratio(header: Header) -> int:
     return _MOST_PER_BYTE if header.data == "binary_compressed" else 1
 
 
-def _precision(header: _Header, xyz: tuple[int, ...]) -> type[np.floating]:
+def _precision(header: Header, xyz: tuple[int, ...]) -> type[np.floating]:
     return np.float32 if all(header.types[i] == "<f4" for i in xyz) else np.float64
 
 
 def _ascii(
-    path: Path, header: _Header, places: tuple[int, ...], limits: Limits
+    path: Path, header: Header, places: tuple[int, ...], limits: Limits
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     starts = np.concatenate(([0], np.cumsum(header.counts)))
     columns = [int(starts[place]) for place in places]
@@ -124,7 +100,7 @@ def _ascii(
 
 
 def _binary(
-    content: memoryview, header: _Header, places: tuple[int, ...]
+    content: memoryview, header: Header, places: tuple[int, ...]
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     rows = np.frombuffer(content, header.row, header.points, header.size)
     left = len(content) - header.size - rows.nbytes
@@ -133,7 +109,7 @@ def _binary(
 
 
 def _compressed(
-    content: memoryview, header: _Header, places: tuple[int, ...]
+    content: memoryview, header: Header, places: tuple[int, ...]
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     import lzf
 
@@ -162,7 +138,7 @@ def _compressed(
     return columns, (f"{left} bytes after the last point are ignored",) if left else ()
 
 
-def _column_starts(header: _Header, size: int) -> list[int]:
+def _column_starts(header: Header, size: int) -> list[int]:
     """Where each field's column begins; PCL leaves padding ("_") out, other writers do not."""
     widths = [int(t[2]) * n for t, n in zip(header.types, header.counts, strict=True)]
     without = [0 if name == "_" else w for name, w in zip(header.fields, widths, strict=True)]
@@ -173,90 +149,3 @@ def _column_starts(header: _Header, size: int) -> list[int]:
         f"byte {header.size}: {size} bytes for {header.points} points, "
         f"expected {sum(without) * header.points}"
     )
-
-
-def _parse(head: bytes, limits: Limits) -> _Header:
-    values: dict[str, list[str]] = {}
-    offset = 0
-    for number in range(1, limits.max_header_lines + 1):
-        end = head.find(b"\n", offset)
-        if end < 0:
-            break
-        key, *rest = head[offset:end].decode("latin1").split() or ["#"]
-        offset = end + 1
-        if key.startswith("#"):
-            continue
-        key = "FIELDS" if key == "COLUMNS" else key
-        if key == "DATA":
-            return _header(values, " ".join(rest), offset, number, limits)
-        if key not in _KEYS or key in values:
-            raise MalformedFileError(f"line {number}: {key[:40]!r} in a PCD header")
-        values[key] = rest
-    if len(head) < limits.max_header_bytes and end < 0:
-        raise TruncatedFileError("the file ends before the DATA line of the PCD header")
-    raise FileLimitError(
-        f"no DATA line in the first {limits.max_header_lines} lines "
-        f"or {limits.max_header_bytes} bytes"
-    )
-
-
-def _header(
-    values: dict[str, list[str]], data: str, size: int, lines: int, limits: Limits
-) -> _Header:
-    if data not in ("ascii", "binary", "binary_compressed"):
-        raise MalformedFileError(f"line {lines}: DATA {data[:40]!r}")
-    fields = tuple(values.get("FIELDS", ()))
-    if len(fields) > limits.max_properties:
-        raise FileLimitError(f"{len(fields)} FIELDS; at most {limits.max_properties} are read")
-    counts = tuple(_integers(values, "COUNT", [1] * len(fields)))
-    types = [
-        f"{kind}{width}"
-        for kind, width in zip(values.get("TYPE", ()), values.get("SIZE", ()), strict=False)
-    ]
-    if not len(fields) == len(types) == len(counts):
-        raise MalformedFileError(
-            f"FIELDS, SIZE, TYPE and COUNT differ: {len(fields)}, {len(values.get('SIZE', ()))}, "
-            f"{len(values.get('TYPE', ()))}, {len(counts)} entries"
-        )
-    if not _TYPES.issuperset(types) or not all(0 < n <= 1 << 16 for n in counts):
-        raise MalformedFileError(f"TYPE, SIZE or COUNT out of range: {types[:9]}, {counts[:9]}")
-    return _Header(
-        fields,
-        tuple(f"<{item.lower()}" for item in types),
-        counts,
-        _point_count(values),
-        data,
-        _viewpoint(values),
-        size,
-        lines,
-    )
-
-
-def _point_count(values: dict[str, list[str]]) -> int:
-    (width,) = _integers(values, "WIDTH", [0])
-    (height,) = _integers(values, "HEIGHT", [1])
-    (points,) = _integers(values, "POINTS", [width * height])
-    if "WIDTH" in values and points != width * height:
-        raise MalformedFileError(f"POINTS {points}, but WIDTH x HEIGHT is {width * height}")
-    return points
-
-
-def _integers(values: dict[str, list[str]], key: str, default: list[int]) -> list[int]:
-    if key not in values:
-        return default
-    words = values[key]
-    if len(words) != max(1, len(default)) or not all(w.isdecimal() and len(w) < 19 for w in words):
-        raise MalformedFileError(f"{key} {' '.join(words)[:60]}: expected {len(default)} counts")
-    return [int(word) for word in words]
-
-
-def _viewpoint(values: dict[str, list[str]]) -> tuple[float, ...] | None:
-    if "VIEWPOINT" not in values:
-        return None
-    try:
-        numbers = tuple(float(word) for word in values["VIEWPOINT"])
-    except ValueError:
-        numbers = ()
-    if len(numbers) != 7:
-        raise MalformedFileError(f"VIEWPOINT {' '.join(values['VIEWPOINT'])[:60]}: not 7 numbers")
-    return numbers
