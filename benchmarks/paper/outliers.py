@@ -12,8 +12,8 @@ from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import CPD, LM_ICP, MPL, MPL_PAPER, TRIMMED_ICP
 from tests.clouds import Trial, bunny, moved
 
-COUNTS = (0, 200, 950, 2000, 2800)
-TRIALS = 3
+COUNTS = (0, 200, 950, 2800)
+TRIALS = 2
 
 
 def _trials() -> Iterator[tuple[Row, Trial]]:
