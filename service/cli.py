@@ -12,9 +12,19 @@ import numpy as np
 from pydantic import ValidationError
 
 from mpe_core import Registration, RegistrationError, RegistrationOptions
-from service.formats import CloudFileError, DecodedCloud, read_points, write_ply
+from service.formats import (
+    WRITERS,
+    CloudFileError,
+    DecodedCloud,
+    UnsupportedFileError,
+    read_points,
+    write_cloud,
+)
+from service.moved import moved
 from service.options import Options
+from service.schemas import Reading
 
+CLOUDS = ("source", "target")
 WORKED, FAILED, MISUSED = 0, 1, 2
 
 
@@ -32,13 +42,32 @@ def _parser() -> argparse.ArgumentParser:
     align.add_argument("target", type=Path, help="the cloud that stays")
     align.add_argument("--json", action="store_true", help="print the result as JSON")
     align.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write the moved source there, as PLY"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help=f"write the moved source there; the ending says how: {', '.join(WRITERS)}",
     )
+    _add_reading(align)
     _add_options(align)
     serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
     return parser
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    """--source-format and the like: one for each cloud and each field of a reading."""
+    group = parser.add_argument_group("reading of the files")
+    for role in CLOUDS:
+        for name, field in Reading.model_fields.items():
+            kind = str if name == "format" else int
+            group.add_argument(
+                f"--{role}-{name.replace('_', '-')}",
+                type=kind,
+                metavar=kind.__name__.upper(),
+                help=field.description,
+            )
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
@@ -66,10 +95,12 @@ def _align(given: argparse.Namespace) -> int:
         options = RegistrationOptions(
             **{name: getattr(given, name) for name in Options.model_fields}
         )
-        source, target = _read(given.source), _read(given.target)
+        ending = _ending(given.output)
+        source, target = (_read(role, given) for role in CLOUDS)
         found = register(source.points, target.points, options)
         if given.output:
-            write_ply(given.output, _moved(source, found))
+            cloud = moved(source, found.T_target_source)
+            write_cloud(given.output, ending, cloud.points, cloud.attributes)
     except (RegistrationError, CloudFileError) as error:
         return _complain(str(error), FAILED)
     except OSError as error:
@@ -80,19 +111,21 @@ def _align(given: argparse.Namespace) -> int:
     return WORKED
 
 
-def _read(path: Path) -> DecodedCloud:
+def _ending(output: Path | None) -> str:
+    """Format to write; CloudFileError if no format has this ending."""
+    ending = output.suffix.lower().lstrip(".") if output else "ply"
+    if ending not in WRITERS:
+        raise UnsupportedFileError(f"{output}: can be written as {', '.join(WRITERS)}")
+    return ending
+
+
+def _read(role: str, given: argparse.Namespace) -> DecodedCloud:
+    path = getattr(given, role)
+    reading = {name: getattr(given, f"{role}_{name}") for name in Reading.model_fields}
     try:
-        return read_points(path)
+        return read_points(path, **reading, attributes=given.output is not None)
     except CloudFileError as error:
         raise type(error)(f"{path}: {error}") from error
-
-
-def _moved(source: DecodedCloud, found: Registration) -> np.ndarray:
-    """The source in the target's frame, in the source's precision."""
-    from mpe_core.rigid import apply
-
-    moved = apply(found.T_target_source, source.points.astype(np.float64))
-    return moved.astype(source.points.dtype)
 
 
 def _document(found: Registration) -> str:

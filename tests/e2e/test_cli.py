@@ -67,6 +67,24 @@ def test_align_prints_the_pose_and_writes_the_moved_source(
     np.testing.assert_allclose(aligned.points, target.points, atol=3e-3)
 
 
+@pytest.mark.parametrize("ending", ["pcd", "laz", "npy"])
+def test_the_ending_says_how_to_write(pair: tuple[Path, Path], tmp_path: Path, ending: str) -> None:
+    done = mpe("align", *pair, "-o", tmp_path / f"aligned.{ending}")
+    assert done.returncode == 0, done.stderr
+    aligned, target = read_points(tmp_path / f"aligned.{ending}"), read_points(pair[1])
+    np.testing.assert_allclose(aligned.points, target.points, atol=3e-3)
+
+
+def test_how_to_read_is_said_for_each_file(pair: tuple[Path, Path], tmp_path: Path) -> None:
+    points = read_points(pair[0]).points
+    rows = np.column_stack([points, np.ones(len(points))]).astype("<f4")
+    (tmp_path / "scan.bin").write_bytes(rows.tobytes())
+    refused = mpe("align", tmp_path / "scan.bin", pair[1])
+    assert refused.returncode == 1
+    done = mpe("align", tmp_path / "scan.bin", pair[1], "--source-format", "kitti")
+    assert done.returncode == 0, done.stderr
+
+
 def test_summary_is_for_people(pair: tuple[Path, Path]) -> None:
     done = mpe("align", *pair)
     assert done.returncode == 0, done.stderr
@@ -86,6 +104,8 @@ def test_options_reach_the_registration(pair: tuple[Path, Path]) -> None:
         (["align", __file__, __file__], 1, "test_cli.py: "),
         (["align", "SOURCE", "TARGET", "--overlap", "2"], 1, "overlap must be"),
         (["align", "SOURCE", "TARGET", "-o", "no/such/folder/a.ply"], 1, "no/such/folder/a.ply"),
+        (["align", "SOURCE", "TARGET", "-o", "a.docx"], 1, "a.docx: can be written as ply"),
+        (["align", "SOURCE", "TARGET", "--source-scan", "1"], 1, "scan is chosen"),
         (["align", "SOURCE"], 2, "usage"),
         (["align", "SOURCE", "TARGET", "--method", "magic"], 2, "invalid choice"),
         (["align", "SOURCE", "TARGET", "--sample-size", "many"], 2, "invalid int"),
