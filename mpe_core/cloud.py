@@ -17,6 +17,10 @@ from mpe_core.errors import (
 LARGEST_COORDINATE = 1e15
 """Beyond it float64 resolves no more than an eighth of the unit."""
 
+LEAST_RATIO = 1e-4
+"""Radius of the smaller cloud over that of the larger one that is still resolved: in float32 the
+larger cloud then keeps a thousandth of the smaller one's radius."""
+
 THINNEST = 1e-9
 """Thickness over length under which a cloud counts as a line."""
 
@@ -86,7 +90,8 @@ def as_pair(source: Cloud, target: Cloud) -> Pair:
     """Centre both clouds and scale them by the smaller radius."""
     source_centre, target_centre = source.points.mean(axis=0), target.points.mean(axis=0)
     x, y = source.points - source_centre, target.points - target_centre
-    unit = min(radius(x), radius(y))
+    small, large = sorted((radius(x), radius(y)))
+    unit = max(small, LEAST_RATIO * large)
     return Pair(x / unit, y / unit, source_centre, target_centre, unit)
 
 

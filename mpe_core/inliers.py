@@ -15,15 +15,18 @@ ROUNDS = 5
 
 
 def inlier_threshold(distance: NDArray[np.float64], overlap: float | None, spacing: float) -> float:
-    """Largest distance of an inlier, estimated from the residuals (N,) at the final pose.
+    """Largest distance of an inlier, estimated from the residuals (N,) at the final pose, infinite
+    where nothing is near.
 
     Three times the root mean square of the residuals below it, found by sigma clipping from those
     that trimmed ICP keeps; but no less than the point spacing of the target: two samplings of one
     surface lie that far apart.
     """
-    ordered = np.sort(distance)
+    ordered = np.sort(distance[np.isfinite(distance)])
+    if len(ordered) < 3:
+        return spacing
     mean_square = np.cumsum(ordered**2) / np.arange(1, len(ordered) + 1)
-    kept = trimmed_count(ordered, len(ordered), overlap)
+    kept = trimmed_count(ordered, len(distance), overlap)
     for _ in range(ROUNDS):
         threshold = max(NOISE_FACTOR * float(np.sqrt(mean_square[kept - 1])), spacing)
         kept = max(3, int(np.searchsorted(ordered, threshold, side="right")))

@@ -8,18 +8,19 @@ from contextlib import contextmanager
 
 Report = Callable[[str, float], None]
 
-SHARES = {"prepare": 0.1, "search": 0.3, "refine": 0.5, "inliers": 0.1}
+SHARES = {"prepare": 0.2, "search": 0.4, "refine": 0.3, "inliers": 0.1}
 """Share of the whole that each stage counts for, in order."""
 
 
 class Progress:
     """Tells a callback the stage and the fraction of the whole in [0, 1]; keeps seconds by stage.
 
-    What the callback raises ends the registration.
+    The fraction never goes back, even where a stage is entered again. What the callback raises ends
+    the registration.
     """
 
     def __init__(self, on_progress: Report | None) -> None:
-        self._report = on_progress or (lambda stage, fraction: None)
+        self._callback = on_progress or (lambda stage, fraction: None)
         self._start = time.perf_counter()
         self._done = 0.0
         self.timing: dict[str, float] = {}
@@ -27,13 +28,18 @@ class Progress:
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
         """Time the stage; yields a function that takes the fraction of the stage."""
-        start, base = time.perf_counter(), self._done
+        start = time.perf_counter()
+        names = list(SHARES)
+        base = sum(SHARES[earlier] for earlier in names[: names.index(name)])
         self._report(name, base)
         yield lambda fraction: self._report(name, base + SHARES[name] * fraction)
-        self._done = base + SHARES[name]
-        self.timing[name] = time.perf_counter() - start
+        self.timing[name] = self.timing.get(name, 0.0) + time.perf_counter() - start
 
     def finish(self) -> dict[str, float]:
         """Report the end; seconds by stage and in total."""
         self._report("inliers", 1.0)
         return self.timing | {"total": time.perf_counter() - self._start}
+
+    def _report(self, name: str, fraction: float) -> None:
+        self._done = max(self._done, fraction)
+        self._callback(name, self._done)

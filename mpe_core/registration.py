@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpe_core.alignment import Alignment, align
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points
-from mpe_core.confidence import confidence
-from mpe_core.descent import EPS, Descent, descend
+from mpe_core.descent import EPS, descend
 from mpe_core.inliers import inlier_threshold
-from mpe_core.neighbours import Neighbours
+from mpe_core.neighbours import Neighbours, nearest_rows
 from mpe_core.options import RegistrationOptions
+from mpe_core.polish import Polished
 from mpe_core.potential import ExactField, p2_energy
 from mpe_core.progress import Progress, Report
 from mpe_core.refinement import trimmed_icp
 from mpe_core.result import Inliers, Registration
 from mpe_core.rigid import apply
+from mpe_core.scan import scan
 from mpe_core.sparse_search import sparse_mpe
 
 ENERGY_EPS = 0.03
@@ -47,89 +47,70 @@ def register(
     with progress.stage("prepare"):
         x, y = as_points(source, "source"), as_points(target, "target")
         pair = as_pair(x, y)
-        neighbours = Neighbours(pair.target)
-    with progress.stage("search") as report:
-        found = _search(pair, options, report)
-    with progress.stage("refine") as report:
-        found = _refine(pair, neighbours, found, options, report)
+        alignment = Alignment(scan(pair.source), scan(pair.target), options)
+    if options.method == "mpl" and options.search == "global":
+        found = align(alignment, progress)
+        polished, trust = found.polished, found.evidence
+    else:
+        polished = _as_printed(pair, options, progress)
+        trust = alignment.judge(polished.T)
     with progress.stage("inliers"):
-        T = found.T_target_source
-        distance, nearest = neighbours.nearest(apply(T, pair.source))
-        spacing = neighbours.spacing()
+        distance = alignment.distances(polished.T)
         threshold = options.inlier_threshold or pair.unit * inlier_threshold(
-            distance, options.overlap, spacing
+            distance, options.overlap, alignment.spacing()
         )
-        inliers = _inliers(x, y, pair.unit * distance, nearest, threshold)
+        inliers = _inliers(x, y, pair, polished.T, threshold)
     return Registration(
-        T_target_source=pair.to_caller(T),
+        T_target_source=pair.to_caller(polished.T),
         inliers=inliers,
         overlap=len(inliers) / len(x.points),
         rmse=float(np.sqrt(np.mean(inliers.distance**2))) if len(inliers) else 0.0,
         energy=p2_energy(distance, ENERGY_EPS),
-        converged=found.converged,
-        iterations=found.iterations,
-        confidence=confidence(distance, spacing),
-        warnings=_warnings(x, y, found, len(inliers)),
+        converged=polished.converged,
+        iterations=polished.iterations,
+        confidence=trust.confidence,
+        warnings=_warnings(x, y, polished, len(inliers)),
         timing=progress.finish(),
     )
 
 
-def _search(pair: Pair, options: RegistrationOptions, report: Callable[[float], None]) -> Descent:
-    if options.method == "mpe":
-        return descend(pair.source, ExactField(pair.target, EPS), options.max_iterations, report)
-    return sparse_mpe(
-        pair.source,
-        pair.target,
-        options.sample_size,
-        options.max_iterations,
-        options.seed,
-        report,
-    )
-
-
-def _refine(
-    pair: Pair,
-    neighbours: Neighbours,
-    found: Descent,
-    options: RegistrationOptions,
-    report: Callable[[float], None],
-) -> Descent:
-    if options.method == "mpe":
-        return found
-    return trimmed_icp(
-        pair.source,
-        neighbours,
-        found.T_target_source,
-        options.overlap,
-        options.max_iterations,
-        report,
-    )
+def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) -> Polished:
+    """The paper's methods: "mpe" on all points, or "mpl" with a sparse search and trimmed ICP."""
+    most = options.max_iterations
+    with progress.stage("search") as report:
+        if options.method == "mpe":
+            found = descend(pair.source, ExactField(pair.target, EPS), most, report)
+        else:
+            size, seed = options.sample_size, options.seed
+            found = sparse_mpe(pair.source, pair.target, size, most, seed, report)
+    with progress.stage("refine") as report:
+        if options.method == "mpl":
+            neighbours, T = Neighbours(pair.target), found.T_target_source
+            found = trimmed_icp(pair.source, neighbours, T, options.overlap, most, report)
+    return Polished(found.T_target_source, found.converged, found.iterations)
 
 
 def _inliers(
-    source: Cloud,
-    target: Cloud,
-    distance: NDArray[np.float64],
-    nearest: NDArray[np.int64],
-    threshold: float,
+    source: Cloud, target: Cloud, pair: Pair, T: NDArray[np.float64], threshold: float
 ) -> Inliers:
-    close = np.flatnonzero(distance <= threshold)
-    return Inliers(
-        source=source.index[close],
-        target=target.index[nearest[close]],
-        distance=distance[close],
-        threshold=threshold,
-    )
+    """Source points whose nearest target point is within the threshold (caller's unit)."""
+    moved = apply(T, pair.source)
+    row = nearest_rows(moved, pair.target, threshold / pair.unit)
+    close = np.flatnonzero(row >= 0)
+    distance = pair.unit * np.linalg.norm(moved[close] - pair.target[row[close]], axis=1)
+    kept = distance <= threshold
+    close, distance = close[kept], distance[kept]
+    return Inliers(source.index[close], target.index[row[close]], distance, threshold)
 
 
-def _warnings(source: Cloud, target: Cloud, found: Descent, inliers: int) -> tuple[str, ...]:
+def _warnings(source: Cloud, target: Cloud, polished: Polished, inliers: int) -> tuple[str, ...]:
     texts = [
         f"{cloud.dropped} rows of the {name} were left out: NaN or infinity"
         for name, cloud in (("source", source), ("target", target))
         if cloud.dropped
     ]
-    if not found.converged:
-        texts.append(f"not converged after {found.iterations} iterations")
+    if not polished.converged:
+        texts.append(f"not converged after {polished.iterations} iterations")
     if not inliers:
         texts.append("no source point is within the inlier threshold of the target")
     return tuple(texts)

@@ -33,7 +33,8 @@ class Registration:
     """The pose of the source in the target's frame, and how far to trust it."""
 
     T_target_source: NDArray[np.float64]
-    """(4, 4) rigid transform of column vectors: x_target = R x_source + t, t in the input's unit."""
+    """(4, 4) rigid transform of column vectors: x_target = R x_source + t, t in the input's
+    unit."""
     inliers: Inliers
     overlap: float
     """Share of the (finite) source points that are inliers, in [0, 1]."""

@@ -18,7 +18,7 @@ def pose(R: Array, t: Array) -> Array:
     return T
 
 
-def apply(T: Array, points: Array) -> Array:
+def apply(T: Array, points: Array | NDArray[np.float32]) -> Array:
     """(N, 3) points R x + t."""
     # no matrix product: BLAS may round differently with another number of threads
     turned: Array = np.einsum("nj,ij->ni", points, T[:3, :3])

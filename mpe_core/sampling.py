@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.kernels.farthest import farthest_order
+
 
 def random_rows(
     points: NDArray[np.float64], count: int, rng: np.random.Generator
@@ -13,3 +15,27 @@ def random_rows(
     if count >= len(points):
         return points
     return points[np.sort(rng.choice(len(points), count, replace=False))]
+
+
+def weighted_rows(
+    weights: NDArray[np.generic], count: int, rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """Up to count row numbers with positive weight, drawn without replacement, likelier with more
+    weight, in an order whose every prefix is such a sample (Efraimidis and Spirakis 2006)."""
+    w = np.asarray(weights, np.float64)
+    usable = np.flatnonzero(w > 0)
+    keys = np.log(rng.random(len(usable))) / w[usable]
+    return usable[np.argsort(-keys, kind="stable")[:count]]
+
+
+def even_rows(
+    points: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    count: int,
+    rng: np.random.Generator,
+) -> NDArray[np.int64]:
+    """Up to count row numbers of points (N, 3), weighted and yet spread out: the farthest-point
+    order of a weighted draw three times as large."""
+    drawn = weighted_rows(weights, 3 * count, rng)
+    order: NDArray[np.int64] = drawn[farthest_order(points[drawn], min(count, len(drawn)))]
+    return order

@@ -1,0 +1,41 @@
+"""The static field of a fixed surface, sampled once on a lattice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.kernels.lattice import nearest_index
+from mpe_core.surface import Surface
+
+CELL = 0.03
+"""Edge of a lattice cell in radii of the smaller cloud: twice the spacing of the thinned points."""
+
+MARGIN = 0.2
+"""How far the lattice reaches beyond the surface; farther points read its border."""
+
+MOST_CELLS = 2_000_000
+"""8 MB; a larger scene gets larger cells."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearestField:
+    """For each cell of a lattice, the row of the surface's point that is nearest to it."""
+
+    surface: Surface
+    rows: NDArray[np.int32]
+    """(nx, ny, nz) rows of `surface.points`."""
+    origin: NDArray[np.float32]
+    cell: np.float32
+
+
+def nearest_field(surface: Surface) -> NearestField:
+    """Sample the nearest point of the surface on a lattice around it."""
+    origin = surface.points.min(axis=0) - np.float32(MARGIN)
+    extent = surface.points.max(axis=0) + np.float32(MARGIN) - origin
+    cell = max(CELL, float(np.cbrt(np.prod(extent.astype(np.float64)) / MOST_CELLS)))
+    shape = np.ceil(extent / cell).astype(np.int64) + 1
+    rows: NDArray[np.int32] = nearest_index(surface.points, origin, np.float32(cell), shape)
+    return NearestField(surface, rows, origin, np.float32(cell))

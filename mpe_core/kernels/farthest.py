@@ -1,0 +1,27 @@
+"""Farthest-point order."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit("int64[::1](float32[:, ::1], int64)", cache=True)
+def farthest_order(points, count):
+    """Rows of `count` points, each the farthest from those before it; the first row comes first."""
+    n = points.shape[0]
+    distance = np.full(n, np.float32(np.inf))
+    order = np.empty(count, np.int64)
+    row = 0
+    for k in range(count):
+        order[k] = row
+        x, y, z = points[row, 0], points[row, 1], points[row, 2]
+        farthest = np.float32(-1)
+        for i in range(n):
+            d = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2 + (points[i, 2] - z) ** 2
+            if d < distance[i]:
+                distance[i] = d
+            if distance[i] > farthest:
+                farthest = distance[i]
+                row = i
+    return order

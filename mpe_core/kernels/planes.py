@@ -1,0 +1,47 @@
+"""Normal equations of the point-to-plane residual."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+ROWS_PER_TASK = 512
+
+
+@njit(
+    "Tuple((float64[:, :, ::1], float64[:, ::1]))"
+    "(float32[:, ::1], float32[:, ::1], float32[:, ::1], boolean[::1], float32)",
+    cache=True,
+    parallel=True,
+    error_model="numpy",
+)
+def plane_equations(points, nearest, normals, used, cut):
+    """Per task (H, g) of sum rho(n.(y - p)) over the used rows, for p -> p + w x p + v, with
+    Tukey's biweight rho of cut-off `cut`. Tasks have fixed rows: their sum does not depend on the
+    threads."""
+    n = points.shape[0]
+    tasks = (n + ROWS_PER_TASK - 1) // ROWS_PER_TASK
+    H = np.zeros((tasks, 6, 6))
+    g = np.zeros((tasks, 6))
+    for task in prange(tasks):
+        J = np.empty(6)
+        for i in range(task * ROWS_PER_TASK, min(n, (task + 1) * ROWS_PER_TASK)):
+            if not used[i]:
+                continue
+            px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+            nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+            d = (nearest[i, 0] - px) * nx + (nearest[i, 1] - py) * ny + (nearest[i, 2] - pz) * nz
+            u = (d / cut) ** 2
+            if u >= 1.0:
+                continue
+            w = (1.0 - u) * (1.0 - u)
+            J[0] = py * nz - pz * ny
+            J[1] = pz * nx - px * nz
+            J[2] = px * ny - py * nx
+            J[3], J[4], J[5] = nx, ny, nz
+            for r in range(6):
+                wr = w * J[r]
+                g[task, r] += wr * d
+                for c in range(6):
+                    H[task, r, c] += wr * J[c]
+    return H, g

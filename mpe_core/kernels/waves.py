@@ -1,0 +1,215 @@
+"""Many poses descend at once on the P2 energy, each with its own small sample and a sampled
+field."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+
+@njit("boolean(float64[:, ::1], float64[::1])", cache=True, error_model="numpy")
+def solve_symmetric(a, b):
+    """Cholesky solution of a positive definite 6x6 system, in place (lower triangle read); False
+    if it is not."""
+    for i in range(6):
+        for j in range(i + 1):
+            s = a[i, j]
+            for k in range(j):
+                s -= a[i, k] * a[j, k]
+            if i == j:
+                if not s > 0.0:
+                    return False
+                a[i, i] = np.sqrt(s)
+            else:
+                a[i, j] = s / a[j, j]
+    for i in range(6):
+        s = b[i]
+        for k in range(i):
+            s -= a[i, k] * b[k]
+        b[i] = s / a[i, i]
+    for i in range(5, -1, -1):
+        s = b[i]
+        for k in range(i + 1, 6):
+            s -= a[k, i] * b[k]
+        b[i] = s / a[i, i]
+    return True
+
+
+@njit("void(float64[:, ::1], float64[::1])", cache=True)
+def move(T, step):
+    """T <- exp(step) T, step = (rotation vector, translation), rotation about the frame's
+    origin."""
+    angle = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+    if angle < 1e-12:
+        a, b = 1.0, 0.5
+    else:
+        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / (angle * angle)
+    wx, wy, wz = step[0], step[1], step[2]
+    for c in range(4):
+        x, y, z = T[0, c], T[1, c], T[2, c]
+        # Rodrigues: p + a w x p + b w x (w x p)
+        ux, uy, uz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
+        T[0, c] = x + a * ux + b * (wy * uz - wz * uy)
+        T[1, c] = y + a * uy + b * (wz * ux - wx * uz)
+        T[2, c] = z + a * uz + b * (wx * uy - wy * ux)
+    T[0, 3] += step[3]
+    T[1, 3] += step[4]
+    T[2, 3] += step[5]
+
+
+@njit(
+    "void(float64[:, :, ::1], float32[::1], float32[:, ::1], float32[:, ::1], float32[::1],"
+    " float32[:, ::1], float32[:, ::1], float32[::1], int32[:, :, ::1], float32[::1], float32,"
+    " float32, float32, int64, float32)",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def descend(
+    poses,
+    scores,
+    source,
+    source_normals,
+    weights,
+    target,
+    target_normals,
+    target_weights,
+    field,
+    origin,
+    size,
+    start,
+    end,
+    iterations,
+    slide,
+):
+    """Majorise-minimise the P2 energy of every pose in place; then score it at eps = `end`.
+
+    Each iteration minimises sum w [(n.r)^2 + slide |r|^2], r = y - p, over a small motion, with
+    w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to `end`.
+    """
+    nx, ny, nz = field.shape
+    n = source.shape[0]
+    inverse = np.float32(1.0) / size
+    ratio = (end / start) ** (1.0 / max(1, iterations - 1))
+    total = np.float32(0.0)
+    for i in range(n):
+        total += weights[i]
+    for c in prange(poses.shape[0]):
+        T = poses[c].copy()
+        H = np.empty((6, 6), np.float64)
+        g = np.empty(6, np.float64)
+        eps = start
+        for iteration in range(iterations + 1):
+            last = iteration == iterations
+            e2 = np.float32(eps * eps)
+            if last:
+                e2 = np.float32(end * end)
+            r00, r01, r02, t0 = (
+                np.float32(T[0, 0]),
+                np.float32(T[0, 1]),
+                np.float32(T[0, 2]),
+                np.float32(T[0, 3]),
+            )
+            r10, r11, r12, t1 = (
+                np.float32(T[1, 0]),
+                np.float32(T[1, 1]),
+                np.float32(T[1, 2]),
+                np.float32(T[1, 3]),
+            )
+            r20, r21, r22, t2 = (
+                np.float32(T[2, 0]),
+                np.float32(T[2, 1]),
+                np.float32(T[2, 2]),
+                np.float32(T[2, 3]),
+            )
+            h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = np.float32(0.0)
+            h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = np.float32(0.0)
+            g0 = g1 = g2 = g3 = g4 = g5 = np.float32(0.0)
+            score = np.float32(0.0)
+            for i in range(n):
+                sx, sy, sz = source[i, 0], source[i, 1], source[i, 2]
+                px = r00 * sx + r01 * sy + r02 * sz + t0
+                py = r10 * sx + r11 * sy + r12 * sz + t1
+                pz = r20 * sx + r21 * sy + r22 * sz + t2
+                ix = min(max(int((px - origin[0]) * inverse), 0), nx - 1)
+                iy = min(max(int((py - origin[1]) * inverse), 0), ny - 1)
+                iz = min(max(int((pz - origin[2]) * inverse), 0), nz - 1)
+                j = field[ix, iy, iz]
+                dx, dy, dz = target[j, 0] - px, target[j, 1] - py, target[j, 2] - pz
+                ax, ay, az = target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]
+                sx, sy, sz = source_normals[i, 0], source_normals[i, 1], source_normals[i, 2]
+                agree = (
+                    ax * (r00 * sx + r01 * sy + r02 * sz)
+                    + ay * (r10 * sx + r11 * sy + r12 * sz)
+                    + az * (r20 * sx + r21 * sy + r22 * sz)
+                )
+                pull = e2 / (dx * dx + dy * dy + dz * dz + e2)
+                w = min(weights[i], target_weights[j]) * agree * agree * pull
+                score += w
+                w *= pull
+                d = dx * ax + dy * ay + dz * az
+                cx, cy, cz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
+                wcx, wcy, wcz, wax, way, waz = w * cx, w * cy, w * cz, w * ax, w * ay, w * az
+                s = w * slide
+                spx, spy, spz = s * px, s * py, s * pz
+                h00 += wcx * cx + spy * py + spz * pz
+                h01 += wcx * cy - spx * py
+                h02 += wcx * cz - spx * pz
+                h03 += wcx * ax
+                h04 += wcx * ay - spz
+                h05 += wcx * az + spy
+                h11 += wcy * cy + spx * px + spz * pz
+                h12 += wcy * cz - spy * pz
+                h13 += wcy * ax + spz
+                h14 += wcy * ay
+                h15 += wcy * az - spx
+                h22 += wcz * cz + spx * px + spy * py
+                h23 += wcz * ax - spy
+                h24 += wcz * ay + spx
+                h25 += wcz * az
+                h33 += wax * ax + s
+                h34 += wax * ay
+                h35 += wax * az
+                h44 += way * ay + s
+                h45 += way * az
+                h55 += waz * az + s
+                g0 += wcx * d + s * (py * dz - pz * dy)
+                g1 += wcy * d + s * (pz * dx - px * dz)
+                g2 += wcz * d + s * (px * dy - py * dx)
+                g3 += wax * d + s * dx
+                g4 += way * d + s * dy
+                g5 += waz * d + s * dz
+            if last:
+                scores[c] = score / total
+                break
+            H[0, 0] = h00
+            H[1, 0] = h01
+            H[1, 1] = h11
+            H[2, 0] = h02
+            H[2, 1] = h12
+            H[2, 2] = h22
+            H[3, 0] = h03
+            H[3, 1] = h13
+            H[3, 2] = h23
+            H[3, 3] = h33
+            H[4, 0] = h04
+            H[4, 1] = h14
+            H[4, 2] = h24
+            H[4, 3] = h34
+            H[4, 4] = h44
+            H[5, 0] = h05
+            H[5, 1] = h15
+            H[5, 2] = h25
+            H[5, 3] = h35
+            H[5, 4] = h45
+            H[5, 5] = h55
+            # a share of the trace holds directions that nothing constrains
+            damping = 1e-6 * (h00 + h11 + h22 + h33 + h44 + h55) + 1e-12
+            for k in range(6):
+                H[k, k] += damping
+            g[0], g[1], g[2], g[3], g[4], g[5] = g0, g1, g2, g3, g4, g5
+            if solve_symmetric(H, g):
+                move(T, g)
+            eps *= ratio
+        poses[c] = T

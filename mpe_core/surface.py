@@ -1,0 +1,79 @@
+"""A cloud as an even sample of a surface: thinned points with normals, weights K_i and
+roughness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.cells import CellList, Points, thin
+
+VOXEL = 0.015
+"""Edge of the thinning cubes in radii of the smaller cloud (design study: 1.2-1.5 % keeps all 85
+pairs)."""
+
+LEAST_RADIUS, MOST_RADIUS, GROWTH = 0.08, 0.3, 1.4
+"""Radius of a neighbourhood in the same unit: grown until it holds a surface rather than noise."""
+
+ENOUGH_NEIGHBOURS, SMOOTH = 12, 0.035
+"""Median points and median surface variation at which a neighbourhood is taken. Bunny of 1,889
+points: variation 0.011 clean, 0.03 with noise 0.01 of the radius, 0.08 with 0.02, 0.14 with
+0.04."""
+
+FLAT_WEIGHT = 0.02
+"""K of a flat place beside sqrt(surface variation): walls must not outweigh the rest."""
+
+SPARSE = 0.3
+"""Places with fewer neighbours than this share of the median are stray points, of weight 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Even sample of a centred, scaled cloud."""
+
+    points: Points
+    """(N, 3) in units of the smaller cloud's radius."""
+    normals: Points
+    """(N, 3) unit normals of either sign, zero where too few points lie around."""
+    weights: Points
+    """(N,) the paper's K_i: curvature, and 0 for stray points."""
+    roughness: float
+    """Distance of the points from their local planes where it is small (25 % are nearer): noise."""
+    radius: float
+    """Radius of the neighbourhoods that the normals come from."""
+    spacing: float
+    """Distance between neighbouring points of the sample, from how many lie around a point."""
+
+
+def surface(points: Points, voxel: float = VOXEL) -> Surface:
+    """Thin a cloud (N, 3) to one point a voxel and fit a plane around each."""
+    sample = thin(points, voxel)
+    radius = LEAST_RADIUS
+    rough = MOST_RADIUS
+    while True:
+        cells = CellList(sample, radius)
+        normals, variation, thickness, count = cells.planes(cells.points)
+        usable = count >= ENOUGH_NEIGHBOURS // 2
+        flat = float(np.median(variation[usable])) if usable.any() else 1.0
+        neighbours = float(np.median(count))
+        if neighbours >= ENOUGH_NEIGHBOURS:
+            rough = min(rough, float(np.quantile(thickness[usable], 0.25)))
+        if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= MOST_RADIUS:
+            break
+        radius *= GROWTH
+    return Surface(
+        points=cells.points,
+        normals=normals,
+        weights=_weights(variation, count),
+        roughness=rough,
+        radius=float(cells.reach),
+        spacing=radius * float(np.sqrt(np.pi / max(neighbours, 1.0))),
+    )
+
+
+def _weights(variation: Points, count: NDArray[np.int32]) -> Points:
+    weights = np.sqrt(variation) + np.float32(FLAT_WEIGHT)
+    weights[count < SPARSE * np.median(count)] = 0
+    return weights
