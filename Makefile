@@ -35,11 +35,12 @@ test: setup  ## all tests
 chaos: setup  ## 300 jobs while the server and its processes are killed 25 times
 	$(PY) -m tests.e2e.chaos
 
-check: setup  ## formatting, lint, types, import rules
+check: setup  ## formatting, lint, types, import rules, licences, known vulnerabilities
 	.venv/bin/ruff format --check .
 	.venv/bin/ruff check .
 	.venv/bin/mypy
 	.venv/bin/lint-imports
+	$(PY) -m tools.check_supply
 
 format: setup  ## put the formatting right
 	.venv/bin/ruff format .
