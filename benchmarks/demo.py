@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import shlex
+import shutil
 import socket
 import subprocess
 import sys
@@ -25,8 +26,8 @@ from service.formats import read_points, write_ply
 
 Array = NDArray[np.float64]
 FOLDER = Path("build") / "demo"
-SOURCE_VIEW = np.radians((-60, 15, 0))  # azimuth, elevation, roll
-TARGET_VIEW = np.radians((-110, 20, 10))
+SOURCE_VIEW = np.radians((-60, 15, 170))  # azimuth, elevation, roll
+TARGET_VIEW = np.radians((-110, 20, -30))
 SHOWN_POINTS = 6_000
 START_S = 60
 
@@ -76,6 +77,7 @@ def _service() -> Iterator[str]:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     url = f"http://127.0.0.1:{port}"
+    shutil.rmtree(FOLDER / "data", ignore_errors=True)
     environment = os.environ | {"MPE_DATA_DIR": str(FOLDER / "data")}
     command = [sys.executable, "-m", "service.cli", "serve", "--port", str(port)]
     with (FOLDER / "service.log").open("wb") as log:
