@@ -17,7 +17,7 @@ RUN apt-get update -qq \
 COPY --from=build /opt/mpe /opt/mpe
 
 # Kernels compiled for the processor of the machine that builds. On another kind the service compiles
-# them again before it is ready, in seconds; docs/deployment.md says why there is no common baseline.
+# them again before it is ready; docs/deployment.md says what that costs and why there is no baseline.
 RUN NUMBA_CACHE_DIR=/opt/mpe/kernels /opt/mpe/bin/python -c "from mpe_core import register"
 
 RUN useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin mpe \
@@ -28,7 +28,7 @@ USER 10001:10001
 WORKDIR /data
 VOLUME /data
 EXPOSE 8000
-HEALTHCHECK --interval=10s --timeout=5s --start-period=30s --retries=3 \
+HEALTHCHECK --interval=10s --timeout=5s --start-period=120s --retries=3 \
     CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
 
 # Numba wants to be able to write where its cache is, even if it never does: hence the copy in /tmp.
