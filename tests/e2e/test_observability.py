@@ -57,12 +57,16 @@ def test_every_log_line_is_json_and_says_what_it_belongs_to(server: Server) -> N
     headers = {"X-Request-ID": "order-66"}
     response = server.submit(CLOUD, CLOUD, wait=30, headers=headers, options='{"seed": 2}')
     assert response.headers["X-Request-ID"] == "order-66"
+    job_id = response.json()["id"]
+    deadline = time.monotonic() + 10
+    while f'"job_id": "{job_id}"' not in server.log and time.monotonic() < deadline:
+        time.sleep(0.05)
     lines = [json.loads(line) for line in server.log.splitlines()]
     (request,) = [line for line in lines if line.get("request_id") == "order-66"]
     assert (request["method"], request["path"]) == ("POST", "/v1/registrations")
     assert request["status"] == 200
     assert request["duration_ms"] > 0
-    ended = [line for line in lines if line.get("job_id") == response.json()["id"]]
+    ended = [line for line in lines if line.get("job_id") == job_id]
     assert [line["message"] for line in ended] == ["registration succeeded"]
 
 
