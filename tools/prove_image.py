@@ -56,7 +56,7 @@ def main() -> int:
     return 0
 
 
-def _instructions(dockerfile: str) -> list[tuple[str, str]]:
+def instructions(dockerfile: str) -> list[tuple[str, str]]:
     """Keyword and rest of each instruction, lines joined, comments left out."""
     lines = [line for line in dockerfile.splitlines() if not line.lstrip().startswith("#")]
     joined = re.sub(r"\\\n", " ", "\n".join(lines))
@@ -66,7 +66,7 @@ def _instructions(dockerfile: str) -> list[tuple[str, str]]:
 def _build(place: Path) -> Stage:
     stages: dict[str, Stage] = {}
     stage = Stage(place)
-    for keyword, rest in _instructions((PROJECT / "Dockerfile").read_text()):
+    for keyword, rest in instructions((PROJECT / "Dockerfile").read_text()):
         _say(f"{keyword} {rest}")
         if keyword == "FROM":
             base, _, name = rest.partition(" AS ")
@@ -125,7 +125,7 @@ def _copy(stage: Stage, words: list[str], stages: dict[str, Stage]) -> None:
     destination = stage.root / target.lstrip("/")
     for source in sources:
         path = origin / source.lstrip("/")
-        if origin == PROJECT and not _in_context(source):
+        if origin == PROJECT and not in_context(source):
             sys.exit(f".dockerignore leaves out {source}")
         goal = destination / path.name if target.endswith("/") else destination
         goal.parent.mkdir(parents=True, exist_ok=True)
@@ -136,7 +136,7 @@ def _copy(stage: Stage, words: list[str], stages: dict[str, Stage]) -> None:
             shutil.copy2(path, goal)
 
 
-def _in_context(source: str) -> bool:
+def in_context(source: str) -> bool:
     kept = True
     for line in (PROJECT / ".dockerignore").read_text().splitlines():
         if line and not line.startswith("#") and fnmatch(source, line.lstrip("!")):
