@@ -7,7 +7,7 @@ from pathlib import Path
 
 from service.formats.cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import MalformedFileError
-from service.formats.table import head_lines, read_columns
+from service.formats.table import Dialect, head_lines, read_columns
 
 _OBJ = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:v|vn|vt|o|g|s|f|mtllib|usemtl)[ \t]")
 _OFF = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:ST)?C?N?OFF\s")
@@ -31,7 +31,7 @@ def read_obj(path: Path, limits: Limits) -> DecodedCloud:
     CloudFileError
         With the line at fault.
     """
-    points = read_columns(path, 0, 1, (1, 2, 3), limits, keyword="v")
+    points = read_columns(path, 0, 1, (1, 2, 3), limits, dialect=Dialect(keyword="v"))
     if len(points) == 0:
         raise MalformedFileError("no line begins with 'v'")
     return DecodedCloud(points, "obj")

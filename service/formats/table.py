@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -16,6 +17,20 @@ from service.formats.errors import FileLimitError, MalformedFileError, Truncated
 _SCAN_BYTES = 1 << 20
 
 
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How numbers stand in a line."""
+
+    delimiter: str | None = None
+    """None: any run of blanks."""
+    keyword: str = ""
+    """Only lines that begin with it and a blank count; it is column 0."""
+    decimal_comma: bool = False
+
+
+PLAIN = Dialect()
+
+
 def read_columns(
     path: Path,
     offset: int,
@@ -24,12 +39,9 @@ def read_columns(
     limits: Limits,
     *,
     rows: int | None = None,
-    delimiter: str | None = None,
-    keyword: str = "",
+    dialect: Dialect = PLAIN,
 ) -> NDArray[np.float64]:
     """Parse the given columns of the lines from byte ``offset`` on; blank lines are skipped.
-
-    With a ``keyword``, only lines that begin with it and a blank count; it is column 0.
 
     ``first_line`` is the number of the line at ``offset`` in the file, for messages. ``rows`` is
     the number of rows wanted, None for all. Returns (rows, len(columns)).
@@ -52,17 +64,15 @@ def read_columns(
         file.seek(offset)
         try:
             table = np.loadtxt(
-                _with_keyword(file, keyword) if keyword else file,
-                delimiter=delimiter,
+                _lines(file, dialect),
+                delimiter=dialect.delimiter,
                 usecols=tuple(columns),
                 max_rows=min(lines, limits.max_points + 1 if rows is None else rows),
                 comments="#",
                 ndmin=2,
             )
         except ValueError as error:
-            raise _first_mistake(
-                path, offset, first_line, columns, delimiter, keyword, error
-            ) from None
+            raise _first_mistake(path, offset, first_line, columns, dialect, error) from None
     table = table.reshape(-1, len(columns))
     if len(table) > limits.max_points:
         raise FileLimitError(f"more than {limits.max_points} rows")
@@ -71,8 +81,14 @@ def read_columns(
     return table
 
 
-def _with_keyword(lines: Iterable[str], keyword: str) -> Iterator[str]:
-    return (line for line in lines if line.startswith((f"{keyword} ", f"{keyword}\t")))
+def _lines(lines: Iterable[str], dialect: Dialect) -> Iterable[str]:
+    """The lines that count, with points in their numbers."""
+    if dialect.keyword:
+        starts = (f"{dialect.keyword} ", f"{dialect.keyword}\t")
+        lines = (line for line in lines if line.startswith(starts))
+    if dialect.decimal_comma:
+        lines = (line.replace(",", ".") for line in lines)
+    return lines
 
 
 def ends_with_newline(path: Path) -> bool:
@@ -108,8 +124,7 @@ def _first_mistake(
     offset: int,
     first_line: int,
     columns: Sequence[int],
-    delimiter: str | None,
-    keyword: str,
+    dialect: Dialect,
     error: ValueError,
 ) -> MalformedFileError:
     """Name the first line without a number in one of the columns."""
@@ -119,15 +134,16 @@ def _first_mistake(
             line = raw.decode("latin1")
             if not line.strip() or line.lstrip().startswith("#"):
                 continue
-            if keyword and not line.startswith((f"{keyword} ", f"{keyword}\t")):
+            if not list(_lines([line], dialect)):
                 continue
-            fields = line.split("#")[0].strip().split(delimiter)
+            fields = line.split("#")[0].strip().split(dialect.delimiter)
             if len(fields) <= max(columns):
                 return MalformedFileError(
                     f"line {number}: {len(fields)} fields, at least {max(columns) + 1} expected"
                 )
             for field in (fields[column] for column in columns):
-                if not _is_number(field) or "\r" in line.rstrip("\r\n"):
+                point = field.replace(",", ".") if dialect.decimal_comma else field
+                if not _is_number(point) or "\r" in line.rstrip("\r\n"):
                     return MalformedFileError(
                         f"line {number}: {field[:40].strip()!r} is not a number"
                     )

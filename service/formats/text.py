@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from service.formats.cloud import DecodedCloud, Limits
 from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
 from service.formats.names import find_normals, find_xyz
-from service.formats.table import ends_with_newline, head_lines, read_columns
+from service.formats.table import Dialect, ends_with_newline, head_lines, read_columns
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|\s*[+-]?(nan|inf)\s*", re.I)
 _DELIMITERS = (";", "\t", ",", None)  # None: any run of blanks
@@ -25,6 +25,7 @@ class _Layout:
     xyz: tuple[int, ...] = (0, 1, 2)
     normals: tuple[int, ...] | None = None
     count: int | None = None  # announced in a line of its own
+    decimal_comma: bool = False
     warnings: tuple[str, ...] = ()
 
 
@@ -34,7 +35,7 @@ def sniff(head: bytes) -> bool:
         return False
     lines = head.decode("latin1").split("\n")
     try:
-        return _layout(lines[:-1] if len(lines) > 1 else lines) is not None
+        return _any_layout(lines[:-1] if len(lines) > 1 else lines) is not None
     except MalformedFileError:
         return True  # named columns, but not the right ones: the reader says so
 
@@ -50,7 +51,7 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     lines = head_lines(path, limits)
     if any("\0" in line for line in lines):
         raise UnsupportedFileError("zero bytes in text; is it UTF-16? UTF-8 is read here")
-    layout = _layout(lines)
+    layout = _any_layout(lines)
     if layout is None:
         raise MalformedFileError(
             f"line 1 to {len(lines)}: no line of three numbers; expected one point a line"
@@ -59,9 +60,8 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     if layout.first_row == 0 and lines[0].startswith(_BYTE_ORDER_MARK):
         offset = len(_BYTE_ORDER_MARK)
     columns = layout.xyz + (layout.normals or ())
-    table = read_columns(
-        path, offset, layout.first_row + 1, columns, limits, delimiter=layout.delimiter
-    )
+    dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma)
+    table = read_columns(path, offset, layout.first_row + 1, columns, limits, dialect=dialect)
     if layout.count is not None and len(table) < layout.count:
         raise TruncatedFileError(f"{len(table)} rows, but {layout.count} are announced")
     warnings = list(layout.warnings)
@@ -69,6 +69,18 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
         warnings.append("the last line is not ended: its last number may have been cut")
     normals = table[:, 3:6] if layout.normals else None
     return DecodedCloud(table[:, :3], "xyz", tuple(warnings), normals)
+
+
+def _any_layout(lines: Sequence[str]) -> _Layout | None:
+    """Numbers with decimal points, else with decimal commas between semicolons or tabs."""
+    layout = _layout(lines)
+    if layout is None:
+        layout = _layout([line.replace(",", ".") for line in lines])
+        if layout is None or layout.delimiter not in (";", "\t"):
+            return None
+        warnings = (*layout.warnings, "commas are read as decimal points")
+        layout = replace(layout, decimal_comma=True, warnings=warnings)
+    return layout
 
 
 def _layout(lines: Sequence[str]) -> _Layout | None:
@@ -101,7 +113,7 @@ def _with(layout: _Layout, count: int | None, strays: Sequence[int]) -> _Layout:
     warnings: tuple[str, ...] = ()
     if strays:
         warnings = (f"line {strays[0]} to {strays[-1]}: skipped as a header",)
-    return _Layout(layout.first_row, layout.delimiter, layout.xyz, layout.normals, count, warnings)
+    return replace(layout, count=count, warnings=warnings)
 
 
 def _named(header: str, line: str, index: int) -> _Layout | None:
