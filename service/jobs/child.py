@@ -52,15 +52,18 @@ class Child:
         self._connection: Connection = ours
         self._process = _context.Process(target=stand_by, args=(theirs,))
         self._closed = False
+        self._has_spoken = False
         with theirs, _processes:
             _start(self._process)
 
     def is_ready(self, timeout_s: float) -> bool:
         """Whether the child has said within the time that it is there; False when it died."""
-        try:
-            return self.receive(timeout_s) is not None
-        except ChildLostError:
-            return False
+        if not self._has_spoken:
+            try:
+                self._has_spoken = self.receive(timeout_s) is not None
+            except ChildLostError:
+                return False
+        return self._has_spoken and self.is_alive
 
     @property
     def is_alive(self) -> bool:

@@ -101,7 +101,7 @@ class Queue:
         worker = Worker(self._store, self._settings, self._announce, self._remember, self._ended)
         while not self._stopping.is_set():
             try:
-                if worker.standby.prepare():
+                if worker.standby.is_ready():
                     self._warm.set()
                 self._work_or_wait(worker)
             except Exception:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 from service.jobs.child import Child, ChildLostError
 
 START_S = 120.0
@@ -12,28 +14,27 @@ class Standby:
     """Belongs to one worker thread."""
 
     def __init__(self) -> None:
-        self._ready: Child | None = None
+        self._next: Child | None = None
         self._ending: Child | None = None
 
-    def prepare(self) -> bool:
-        """Have a child ready; False when none could be started."""
-        if self._ready is not None and self._ready.is_alive:
-            return True
-        self._discard_ready()
-        try:
-            child = Child()
-        except ChildLostError:
-            return False
-        if not child.is_ready(START_S):
-            child.close()
-            return False
-        self._ready = child
-        return True
+    def begin(self) -> None:
+        """Start the next child, unless it is there; it gets ready by itself."""
+        if self._next is None or not self._next.is_alive:
+            self._discard_next()
+            with contextlib.suppress(ChildLostError):
+                self._next = Child()
+
+    def is_ready(self) -> bool:
+        """Whether the next child is there and ready; waits for it."""
+        self.begin()
+        if self._next is not None and not self._next.is_ready(START_S):
+            self._discard_next()
+        return self._next is not None
 
     def take(self) -> Child:
-        """The child that is ready; ChildLostError when none can be had."""
-        self.prepare()
-        child, self._ready = self._ready, None
+        """The next child, ready; ChildLostError when none can be had."""
+        self.is_ready()
+        child, self._next = self._next, None
         if child is None:
             raise ChildLostError("no process could be started")
         return child
@@ -46,15 +47,15 @@ class Standby:
     def close(self) -> None:
         """Give up all children."""
         self._close_ending()
-        self._discard_ready()
+        self._discard_next()
 
     def _close_ending(self) -> None:
         if self._ending is not None:
             self._ending.close()
             self._ending = None
 
-    def _discard_ready(self) -> None:
-        if self._ready is not None:
-            self._ready.kill()
-            self._ready.close()
-            self._ready = None
+    def _discard_next(self) -> None:
+        if self._next is not None:
+            self._next.kill()
+            self._next.close()
+            self._next = None

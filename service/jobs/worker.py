@@ -67,7 +67,6 @@ class Worker:
         try:
             self.started(job, child)
             child.hand(task)
-            self.standby.prepare()  # for the next job, while this one runs
             answered = self._follow(job, child)
         finally:
             child.kill()
@@ -98,6 +97,7 @@ class Worker:
             self.announce(job.id)
             if answered:
                 return True
+            self.standby.begin()  # for the next job, while this one runs
         return False
 
     def _conclude(self, job: JobRow, message: dict[str, Any]) -> bool:
