@@ -31,6 +31,10 @@ APART_DEGREES, APART = 8.0, 0.1
 """Poses closer than both are one candidate."""
 
 
+MOST_HISTOGRAM_CELLS = 300_000
+"""Bound on a histogram of votes, 0.6 MB; a target much larger than the source gets larger cells."""
+
+
 @dataclass(frozen=True, slots=True)
 class Wave:
     """One round of descents: how many points, from which eps to which, how many steps, how many
@@ -123,8 +127,8 @@ def _vote(source: Surface, target: Surface, effort: Effort, rng: np.random.Gener
     x = even_rows(source.points, source.weights, effort.source_points, rng)
     y = even_rows(target.points, target.weights, effort.target_points, rng)
     points, normals = source.points[x], source.normals[x]
-    cell = np.float32(effort.cell)
     reach = np.abs(target.points[y]).max(axis=0) + np.linalg.norm(points, axis=1).max()
+    cell = np.float32(max(effort.cell, 2 * np.cbrt(np.prod(reach) / MOST_HISTOGRAM_CELLS)))
     half = np.ceil(reach / cell).astype(np.int64) + 2
     width = 2 * half + 1
     cells = np.floor(target.points[y] / cell).astype(np.int64)
