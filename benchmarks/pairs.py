@@ -56,7 +56,7 @@ def table(result: Result) -> str:
     ]
     return (
         f"Every pair of pairs.json, turned at random over SO(3) and moved by up to half a "
-        f"diagonal, {SEEDS} start(s) each; right by the tolerances of the pair; errors of the right "
+        f"diagonal, {SEEDS} start(s) each; right by the tolerances of the pair; errors of right "
         "ones."
         f"\n{settings_text(result['methods'])}.\n\n"
         + markdown(("method", "right", "median degrees", "median seconds", "95 %"), rows)
