@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.cells import CellList
-from mpe_core.confidence import ACCEPTED, Evidence, evidence, sharp_distance
+from mpe_core.confidence import Evidence, evidence, sharp_distance
 from mpe_core.field import NearestField, nearest_field
-from mpe_core.global_search import QUICK, WIDE, Candidates, Effort, find_poses
+from mpe_core.global_search import QUICK, WIDE, Candidates, Effort, distinct, find_poses
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import Polished, TargetPlanes, point_to_plane
 from mpe_core.potential_polish import EPS, descend_potential
@@ -33,6 +33,11 @@ POTENTIAL_POINTS = 4000
 
 RIVAL = 0.7
 """Candidates that score at least this share of the best are polished and compared."""
+
+
+AS_SHARP, AS_NEAR = 0.1, 0.05
+"""Another pose fits as well if its evidence falls short by no more than this. The next best pose of
+the shared pairs falls short of the true one by 0.2 and more in sharpness."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +101,9 @@ class Alignment:
         return find_poses(self.source.surface, self._field, effort, self._options.seed, report)
 
 
-def align(alignment: Alignment, progress: Progress) -> Aligned:
-    """The pose with the most evidence; a wide search follows a quick one that does not convince."""
+def align(alignment: Alignment, progress: Progress) -> list[Aligned]:
+    """The pose with the most evidence, then those that have as much of it; a wide search follows a
+    quick one that does not convince."""
     found: list[Aligned] = []
     for effort in (QUICK, WIDE):
         with progress.stage("search") as report:
@@ -110,11 +116,27 @@ def align(alignment: Alignment, progress: Progress) -> Aligned:
                 found.append(alignment.polish(T))
         if _convincing(found):
             break
-    return max(found, key=lambda pose: pose.evidence.confidence)
+    return _equals(sorted(found, key=lambda pose: -pose.evidence.confidence))
+
+
+def _equals(found: list[Aligned]) -> list[Aligned]:
+    """The first of the poses, and those that differ from it with as much evidence."""
+    best = found[0].evidence
+    poses = np.array([pose.polished.T for pose in found])
+    return [
+        found[row]
+        for row in distinct(poses, -np.arange(len(found), dtype=np.float32), len(found))
+        if row == 0
+        or (
+            best.accepted
+            and found[row].evidence.sharp > best.sharp - AS_SHARP
+            and found[row].evidence.near > best.near - AS_NEAR
+        )
+    ]
 
 
 def _convincing(found: list[Aligned]) -> bool:
-    return any(pose.evidence.confidence >= ACCEPTED for pose in found)
+    return any(pose.evidence.accepted for pose in found)
 
 
 def _some(surface: Surface) -> NDArray[np.float32]:

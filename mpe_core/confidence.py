@@ -37,6 +37,11 @@ class Evidence:
         logit = SHARP_WEIGHT * self.sharp + NEAR_WEIGHT * self.near + OFFSET
         return float(1 / (1 + np.exp(-logit)))
 
+    @property
+    def accepted(self) -> bool:
+        """Whether the pose is taken for right."""
+        return self.confidence >= ACCEPTED
+
 
 def evidence(
     points: Points, planes: TargetPlanes, T: NDArray[np.float64], sharp: float

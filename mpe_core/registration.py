@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.alignment import Alignment, align
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points
+from mpe_core.confidence import Evidence
 from mpe_core.descent import EPS, descend
 from mpe_core.inliers import inlier_threshold
 from mpe_core.neighbours import Neighbours, nearest_rows
@@ -49,11 +50,12 @@ def register(
         pair = as_pair(x, y)
         alignment = Alignment(scan(pair.source), scan(pair.target), options)
     if options.method == "mpl" and options.search == "global":
-        found = align(alignment, progress)
-        polished, trust = found.polished, found.evidence
+        best, *others = align(alignment, progress)
+        polished, trust = best.polished, best.evidence
+        rivals = [other.polished.T for other in others]
     else:
         polished = _as_printed(pair, options, progress)
-        trust = alignment.judge(polished.T)
+        trust, rivals = alignment.judge(polished.T), []
     with progress.stage("inliers"):
         distance = alignment.distances(polished.T)
         threshold = options.inlier_threshold or pair.unit * inlier_threshold(
@@ -69,7 +71,10 @@ def register(
         converged=polished.converged,
         iterations=polished.iterations,
         confidence=trust.confidence,
-        warnings=_warnings(x, y, polished, len(inliers)),
+        accepted=trust.accepted,
+        ambiguous=len(rivals) > 0,
+        alternatives=np.array([pair.to_caller(T) for T in rivals]).reshape(-1, 4, 4),
+        warnings=_warnings(x, y, polished, len(inliers), trust, len(rivals)),
         timing=progress.finish(),
     )
 
@@ -103,7 +108,9 @@ def _inliers(
     return Inliers(source.index[close], target.index[row[close]], distance, threshold)
 
 
-def _warnings(source: Cloud, target: Cloud, polished: Polished, inliers: int) -> tuple[str, ...]:
+def _warnings(
+    source: Cloud, target: Cloud, polished: Polished, inliers: int, trust: Evidence, rivals: int
+) -> tuple[str, ...]:
     texts = [
         f"{cloud.dropped} rows of the {name} were left out: NaN or infinity"
         for name, cloud in (("source", source), ("target", target))
@@ -111,6 +118,16 @@ def _warnings(source: Cloud, target: Cloud, polished: Polished, inliers: int) ->
     ]
     if not polished.converged:
         texts.append(f"not converged after {polished.iterations} iterations")
+    if not trust.accepted:
+        texts.append(
+            f"do not trust this pose: only {trust.sharp:.0%} of the points near the target lie on"
+            " its surface; the clouds may overlap too little, or show different things"
+        )
+    if rivals:
+        texts.append(
+            f"{rivals} other poses fit as well (alternatives): the shape is symmetric or slides on"
+            " itself"
+        )
     if not inliers:
         texts.append("no source point is within the inlier threshold of the target")
     return tuple(texts)

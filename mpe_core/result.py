@@ -47,6 +47,13 @@ class Registration:
     """Iterations of the refinement on the full clouds ("mpl") or of Algorithm 1 ("mpe")."""
     confidence: float
     """How likely the pose is right, in [0, 1]."""
+    accepted: bool
+    """Whether the confidence reaches 0.5, from which on a pose is taken for right."""
+    ambiguous: bool
+    """Whether another pose has as much for it: the shape is symmetric, or slides on itself."""
+    alternatives: NDArray[np.float64]
+    """(K, 4, 4) those other poses, T_target_source in the input's unit; some of them where a shape
+    has infinitely many."""
     warnings: tuple[str, ...]
     timing: dict[str, float]
     """Seconds by stage: prepare, search, refine, inliers, total."""

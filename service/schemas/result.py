@@ -33,10 +33,13 @@ class InlierSummary(Document):
     )
 
 
+Matrix = Annotated[list[Row], Field(min_length=4, max_length=4)]
+
+
 class Result(Document):
     """The pose of the source in the target's frame, and how far to trust it."""
 
-    transform: Annotated[list[Row], Field(min_length=4, max_length=4)] = Field(
+    transform: Matrix = Field(
         description="4x4 rigid transform, row-major, for column vectors: "
         "x_target = R x_source + t; the last column in the input's unit."
     )
@@ -52,6 +55,13 @@ class Result(Document):
         description="P2 criterion of the pose, mean over the source, in [-1, 0]; no unit."
     )
     confidence: float = Field(ge=0, le=1, description="How likely the pose is right, in [0, 1].")
+    accepted: bool = Field(description="Whether the confidence reaches 0.5.")
+    ambiguous: bool = Field(
+        description="Whether another pose fits as well: the shape is symmetric or slides on itself."
+    )
+    alternatives: list[Matrix] = Field(
+        description="Those other poses, as `transform`; some of them if there are infinitely many."
+    )
     converged: bool = Field(description="Whether the refinement settled before its bound.")
     iterations: int = Field(ge=0, description="Iterations of the last stage; a count.")
     inliers: InlierSummary
