@@ -1,0 +1,70 @@
+"""Cell lists against a k-d tree and plain numpy."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from mpe_core.cells import CellList, thin
+from tests.clouds import bunny
+
+REACH = 0.1
+
+
+@pytest.fixture(scope="module")
+def cloud(data):
+    return bunny(data).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def queries(cloud):
+    rng = np.random.default_rng(1)
+    near = cloud[::3] + rng.normal(size=cloud[::3].shape, scale=0.05)
+    return np.vstack([near, rng.uniform(-3, 3, (500, 3))]).astype(np.float32)
+
+
+def test_nearest_is_the_exact_nearest_within_reach(cloud, queries):
+    cells = CellList(cloud, REACH)
+    row, squared = cells.nearest(queries)
+    distance, nearest = KDTree(cloud).query(queries)
+    within = distance <= REACH
+    np.testing.assert_array_equal(row >= 0, within)
+    np.testing.assert_allclose(np.sqrt(squared[within]), distance[within], atol=1e-6)
+    np.testing.assert_array_equal(cloud[cells.rows[row[within]]], cells.points[row[within]])
+    assert (cells.rows[row[within]] == nearest[within]).mean() > 0.99
+    assert np.isinf(squared[~within]).all()
+
+
+def test_planes_are_those_of_numpy(cloud, queries):
+    cells = CellList(cloud, REACH)
+    normals, variation, thickness, count = cells.planes(queries)
+    for row, rows in enumerate(KDTree(cloud).query_ball_point(queries, REACH)):
+        assert abs(count[row] - len(rows)) <= 1, "a point at the very edge may fall either way"
+        if len(rows) < 8 or count[row] != len(rows):
+            continue
+        values, axes = np.linalg.eigh(np.cov(cloud[rows].astype(np.float64).T, bias=True))
+        assert thickness[row] == pytest.approx(np.sqrt(values[0]), abs=2e-4)
+        assert variation[row] == pytest.approx(values[0] / values.sum(), abs=2e-3)
+        if values[1] > 3 * values[0]:
+            assert abs(normals[row] @ axes[:, 0]) > 0.999
+    assert (normals[count < 5] == 0).all()
+
+
+def test_thinning_keeps_one_mean_a_cube(cloud):
+    edge = 0.2
+    means = thin(cloud, edge)
+    cube = np.floor((cloud - cloud.min(axis=0)) / np.float32(edge)).astype(int)
+    _, member = np.unique(cube, axis=0, return_inverse=True)
+    expected = np.array([cloud[member == k].mean(axis=0) for k in range(member.max() + 1)])
+    assert len(means) == len(expected)
+    distance, row = KDTree(expected).query(means)
+    assert distance.max() < 1e-5
+    assert len(set(row)) == len(means)
+
+
+def test_a_cloud_too_wide_for_its_cubes_gets_larger_ones():
+    wide = np.array([[0, 0, 0], [1e6, 1e6, 1e6], [1e6, 0, 0]], np.float32)
+    cells = CellList(wide, 1e-3)
+    assert cells.reach > 0.4
+    row, squared = cells.nearest(wide)
+    np.testing.assert_array_equal(cells.rows[row], [0, 1, 2])
+    assert (squared == 0).all()

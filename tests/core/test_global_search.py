@@ -1,0 +1,246 @@
+"""The steps of the search against their slow twins, and the search itself on real scans."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+
+from mpe_core import RegistrationOptions, register
+from mpe_core.field import nearest_field
+from mpe_core.global_search import AGREEMENT, QUICK, bin_directions, distinct, find_poses
+from mpe_core.kernels.farthest import farthest_order
+from mpe_core.kernels.votes import best_translations, direction_bin
+from mpe_core.kernels.waves import descend
+from mpe_core.rigid import apply, pose, rotation_error
+from mpe_core.rotations import even_rotations
+from mpe_core.sampling import weighted_rows
+from mpe_core.scan import scan
+from mpe_core.surface import surface
+from tests.checks import assert_pose_close
+from tests.clouds import bunny, moved, real_pair
+
+
+@pytest.fixture(scope="module")
+def model(data):
+    return surface(bunny(data, "bun_zipper_res2").astype(np.float32))
+
+
+def test_even_rotations_are_rotations_that_leave_no_gap():
+    count = 1152
+    rotations = even_rotations(count)
+    identity = np.broadcast_to(np.eye(3), (count, 3, 3))
+    np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), identity, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(rotations), 1)
+    some = Rotation.random(500, rng=2).as_matrix()
+    traces = np.einsum("aij,bij->ab", some, rotations)
+    gap = np.degrees(np.arccos((traces.max(axis=1) - 1) / 2))
+    # even cells of SO(3): their angular radius is (6 pi / count)^(1/3)
+    assert gap.max() < 1.5 * np.degrees((6 * np.pi / count) ** (1 / 3))
+
+
+def test_farthest_order_is_the_textbook_loop():
+    points = np.random.default_rng(3).normal(size=(300, 3)).astype(np.float32)
+    expected = [0]
+    for _ in range(19):
+        distance = np.linalg.norm(points[:, None] - points[expected], axis=2).min(axis=1)
+        expected.append(int(distance.argmax()))
+    np.testing.assert_array_equal(farthest_order(points, 20), expected)
+
+
+def test_weighted_rows_follow_the_weights_and_skip_zero():
+    weights = np.array([0.0, 1, 2, 4])
+    rng = np.random.default_rng(4)
+    first = np.array([weighted_rows(weights, 3, rng)[0] for _ in range(7000)])
+    share = np.bincount(first, minlength=4) / len(first)
+    np.testing.assert_allclose(share, weights / weights.sum(), atol=0.02)  # 3 sigma
+
+
+def test_the_bin_of_a_line_is_the_nearest_direction_or_a_neighbour():
+    directions = bin_directions()
+    for row, (x, y, z) in enumerate(directions):
+        assert direction_bin(x, y, z) == direction_bin(-x, -y, -z) == row
+    lines = Rotation.random(300, rng=5).as_matrix()[:, 0].astype(np.float32)
+    found = np.array([direction_bin(*line) for line in lines])
+    assert np.abs(np.einsum("ni,ni->n", lines, directions[found])).min() > AGREEMENT
+
+
+def test_votes_are_the_histogram_of_all_differences():
+    rng = np.random.default_rng(6)
+    source, target = (rng.uniform(-1, 1, (n, 3)).astype(np.float32) for n in (20, 30))
+    cell, half = np.float32(0.25), np.full(3, 16, np.int64)
+    width = 2 * half + 1
+    numbers = np.floor(target / cell).astype(np.int64) @ [width[1] * width[2], width[2], 1]
+    everywhere = np.arange(len(bin_directions()) + 1) * len(target)
+    lists = np.tile(numbers, len(bin_directions())).astype(np.int32)
+    rotations = even_rotations(12).astype(np.float32)
+    normals = np.tile(np.float32([0, 0, 1]), (len(source), 1))
+    translations, votes = best_translations(
+        rotations, source, normals, lists, everywhere, cell, half
+    )
+    for R, t, most in zip(rotations, translations, votes, strict=True):
+        turned = np.floor(source @ R.T / cell).astype(int)
+        differences = (np.floor(target / cell).astype(int)[:, None] - turned).reshape(-1, 3)
+        corner = np.round(t / cell - 0.5).astype(int)
+
+        def count(at, differences=differences):
+            return ((differences >= at) & (differences <= at + 1)).all(axis=1).sum()
+
+        assert count(corner) == most
+        assert max(count(at) for at in np.unique(differences, axis=0)) <= most
+
+
+def test_the_field_names_a_nearest_point_within_a_cell(model):
+    field = nearest_field(model)
+    cells = np.random.default_rng(7).integers(0, field.rows.shape, (2000, 3))
+    centres = field.origin + (cells + 0.5) * field.cell
+    named = np.linalg.norm(model.points[field.rows[tuple(cells.T)]] - centres, axis=1)
+    nearest, _ = KDTree(model.points).query(centres)
+    # points stand for the centres of their cells: off by at most half a diagonal, twice
+    assert (named - nearest).max() < np.sqrt(3) * field.cell
+    assert (named - nearest).min() > -1e-5
+
+
+def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
+    field = nearest_field(model)
+    rng = np.random.default_rng(8)
+    starts = np.array(
+        [
+            pose(Rotation.from_rotvec(0.15 * v / np.linalg.norm(v)).as_matrix(), 0.03 * v)
+            for v in rng.normal(size=(40, 3))
+        ]
+    )
+    rows = rng.permutation(len(model.points))[:800]
+    x, n, w = model.points[rows], model.normals[rows], model.weights[rows]
+    eps, poses, scores = 0.03, starts.copy(), np.empty(40, np.float32)
+    descend(
+        poses, scores, x, n, w, model.points, model.normals, model.weights,
+        field.rows, field.origin, field.cell, np.float32(0.15), np.float32(eps), 12, np.float32(0.02),
+    )  # fmt: skip
+    assert min(rotation_error(T, np.eye(4)) for T in starts) > 8
+    assert np.median([rotation_error(T, np.eye(4)) for T in poses]) < 0.2
+
+    moved_x = apply(poses[0], x)
+    cell = np.clip(
+        ((moved_x - field.origin) / field.cell).astype(int), 0, np.array(field.rows.shape) - 1
+    )
+    j = field.rows[tuple(cell.T)]
+    agree = np.einsum("ni,ni->n", n @ poses[0][:3, :3].T, model.normals[j]) ** 2
+    near = eps**2 / (np.sum((model.points[j] - moved_x) ** 2, axis=1) + eps**2)
+    score = (np.minimum(w, model.weights[j]) * agree * near).sum() / w.sum()
+    assert scores[0] == pytest.approx(score, rel=2e-3)
+
+
+def test_distinct_keeps_the_better_of_two_that_are_close():
+    near = pose(Rotation.from_rotvec([0.05, 0, 0]).as_matrix(), np.zeros(3))
+    apart = pose(Rotation.from_rotvec([0.3, 0, 0]).as_matrix(), np.zeros(3))
+    poses = np.array([np.eye(4), near, apart])
+    np.testing.assert_array_equal(distinct(poses, np.float32([0.1, 0.3, 0.2]), 3), [1, 2])
+
+
+def test_the_best_candidate_is_the_true_pose(data):
+    trial = moved(bunny(data), np.random.default_rng(9), largest_deg=180)
+    x, y = (c - c.mean(axis=0) for c in (trial.source, trial.target))
+    found = find_poses(scan(x).surface, nearest_field(scan(y).surface), QUICK, 0, lambda f: None)
+    assert rotation_error(found.poses[0], trial.T_target_source) < 1
+    assert (np.diff(found.scores) <= 0).all()
+
+
+# suite -> a pair of it, turned evenly over SO(3); tolerances of pairs.json
+REAL = {
+    "bunny_bun090_bun000": (2, 0.004948),  # 46 % overlap
+    "dragon_264_192": (2, 0.005209),  # 35 %
+    "uwa_chef_3_1": (2, 6.092452),
+    "kitti10m_000": (5, 0.6),
+    "eth_tls_facade_6_5": (2, 0.3),
+    "chef_to_rs1": (5, 0.021812),  # a model in a cluttered scene
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_scans_from_any_rotation(data, name):
+    degrees, shift = REAL[name]
+    trial = real_pair(data, name)
+    found = register(trial.source, trial.target)
+    assert_pose_close(
+        found.T_target_source, trial.T_target_source, trial.source, degrees=degrees, shift=shift
+    )
+    assert found.accepted
+    assert not found.ambiguous
+
+
+@pytest.mark.parametrize(
+    ("source", "target"),
+    [("dragon_24_0", "uwa_chef_3_1"), ("hippo2_hippo1", "bunny_bun090_bun000")],
+)
+def test_different_things_are_not_accepted(data, source, target):
+    thing, other = real_pair(data, source).source, real_pair(data, target).target
+    scale = np.linalg.norm(np.ptp(other, axis=0)) / np.linalg.norm(np.ptp(thing, axis=0))
+    found = register(scale * thing, other)
+    assert not found.accepted
+    assert "do not trust" in " ".join(found.warnings)
+
+
+def test_noise_and_outliers_beyond_the_paper(data):
+    cloud, right = bunny(data), 0
+    for seed in range(10):
+        trial = moved(
+            cloud, np.random.default_rng(seed), largest_deg=180, noise=0.04, outliers=3000
+        )
+        T = register(trial.source, trial.target).T_target_source
+        right += rotation_error(T, trial.T_target_source) < 5
+    assert right >= 9
+
+
+def sphere(rng):
+    v = rng.normal(size=(6000, 3))
+    return v / np.linalg.norm(v, axis=1)[:, None]
+
+
+def cuboid(rng):
+    half, face = np.array([1.0, 0.7, 0.4]), rng.integers(0, 3, 6000)
+    p = rng.uniform(-1, 1, (6000, 3)) * half
+    rows = np.arange(6000)
+    p[rows, face] = np.sign(p[rows, face]) * half[face]
+    return p
+
+
+def street(rng):
+    ground = np.column_stack(
+        [rng.uniform(-1, 1, 3000), rng.uniform(-0.3, 0.3, 3000), np.zeros(3000)]
+    )
+    side = np.where(rng.random(3000) < 0.5, -0.3, 0.3)
+    walls = np.column_stack([rng.uniform(-1, 1, 3000), side, rng.uniform(0, 0.3, 3000)])
+    return np.vstack([ground, walls])
+
+
+@pytest.mark.parametrize("shape", [sphere, cuboid, street])
+def test_a_symmetric_shape_has_alternatives_that_fit(shape):
+    rng = np.random.default_rng(10)
+    target = shape(rng)
+    trial = moved(shape(rng), rng, largest_deg=180)
+    found = register(trial.source, target)
+    assert found.ambiguous
+    assert "other poses" in " ".join(found.warnings)
+    tree = KDTree(target)
+    fits = [
+        np.median(tree.query(apply(T, trial.source))[0])
+        for T in (found.T_target_source, *found.alternatives)
+    ]
+    start = np.median(tree.query(trial.source)[0])
+    assert max(fits) < 2 * fits[0] < start
+    for T in found.alternatives:
+        turned = rotation_error(T, found.T_target_source)
+        shifted = np.linalg.norm(
+            apply(T, trial.source) - apply(found.T_target_source, trial.source), axis=1
+        )
+        assert turned > 5 or shifted.mean() > 0.05
+
+
+def test_another_seed_is_another_draw_of_the_same_answer(data):
+    trial = real_pair(data, "fricp_demo")
+    a, b = (
+        register(trial.source, trial.target, RegistrationOptions(seed=seed)).T_target_source
+        for seed in (0, 1)
+    )
+    assert not np.array_equal(a, b)
+    assert rotation_error(a, b) < 0.1
