@@ -114,7 +114,8 @@ def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
     eps, poses, scores = 0.03, starts.copy(), np.empty(40, np.float32)
     descend(
         poses, scores, x, n, w, model.points, model.normals, model.weights,
-        field.rows, field.origin, field.cell, np.float32(0.15), np.float32(eps), 12, np.float32(0.02),
+        field.rows, field.origin, field.cell,
+        np.float32(0.15), np.float32(eps), 12, np.float32(0.02),
     )  # fmt: skip
     assert min(rotation_error(T, np.eye(4)) for T in starts) > 8
     assert np.median([rotation_error(T, np.eye(4)) for T in poses]) < 0.2
