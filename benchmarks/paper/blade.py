@@ -15,7 +15,7 @@ from tests.checks import pose_error
 from tests.clouds import Array, Trial, motion
 
 POINTS = 5000
-TRIALS = 20
+TRIALS = 10
 TOLERANCE, LOOSE = 1.5, 5.0  # point spacings that a right match may lie from the true place
 
 

@@ -15,7 +15,7 @@ from tests.clouds import Trial, bunny, moved
 
 SIGMAS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16)
 NEAR, ANY = 90.0, 180.0
-TRIALS = {NEAR: 5, ANY: 10}
+TRIALS = {NEAR: 3, ANY: 5}
 RIGHT = 5.0
 
 

@@ -10,7 +10,7 @@ from tests.checks import pose_error
 from tests.clouds import bunny, moved
 
 CLOUDS = ("bun_zipper_res4", "bun_zipper_res3", "bun_zipper_res2", "bun_zipper")
-TRIALS = 9
+TRIALS = 3
 METHODS = {
     "MPE": RegistrationOptions(method="mpe"),
     "MPL (200)": RegistrationOptions(search="sparse", sample_size=200),
