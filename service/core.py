@@ -77,7 +77,7 @@ def _assemble(settings: Settings, metrics: Metrics) -> Service:
         database=database,
         blobs=blobs,
         store=store,
-        queue=Queue(store, settings, changes.announce, telemetry.ended),
+        queue=Queue(store, blobs, settings, changes.announce, telemetry.ended),
         changes=changes,
         deliveries=DeliveryStore(database),
         clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),

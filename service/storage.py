@@ -94,8 +94,12 @@ class BlobStore:
             yield
 
     def touch(self, sha256: str) -> None:
-        """Count the blob as new, so that `collect` spares it until its next job is stored."""
-        self.path(sha256).touch()
+        """Count the blob as new, so that `collect` spares it until a row that needs it is stored.
+
+        FileNotFoundError when it has been removed.
+        """
+        with self.locked():
+            os.utime(self.path(sha256))
 
     def collect(self, needed: Callable[[], set[str]], *, older_than: float) -> int:
         """Remove blobs that were written before a time and are not needed; returns how many.

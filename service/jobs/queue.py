@@ -14,6 +14,7 @@ from service.jobs.store import JobStore
 from service.jobs.worker import LEASE_S, Worker
 from service.logs import about_job
 from service.settings import Settings
+from service.storage import BlobStore
 
 POLL_S = 1.0
 
@@ -26,11 +27,13 @@ class Queue:
     def __init__(
         self,
         store: JobStore,
+        blobs: BlobStore,
         settings: Settings,
         announce: Callable[[str], None],
         ended: Callable[[JobRow], None],
     ) -> None:
         self._store = store
+        self._blobs = blobs
         self._settings = settings
         self._announce = announce
         self._ended = ended
@@ -98,7 +101,9 @@ class Queue:
         self._running[job.id] = (job, child)
 
     def _serve(self) -> None:
-        worker = Worker(self._store, self._settings, self._announce, self._remember, self._ended)
+        worker = Worker(
+            self._store, self._blobs, self._settings, self._announce, self._remember, self._ended
+        )
         while not self._stopping.is_set():
             try:
                 if worker.standby.is_ready():

@@ -20,6 +20,7 @@ from service.jobs.work import work_key
 from service.problems import DeadlineError, JobTimeoutError, ServiceError, error_problem
 from service.settings import Settings
 from service.sources import FetchRules
+from service.storage import BlobStore
 
 LEASE_S = 30.0
 HEARTBEAT_S = LEASE_S / 3
@@ -32,6 +33,7 @@ class Worker:
     """Runs attempts, each in a child process; belongs to one thread, which waits meanwhile."""
 
     store: JobStore
+    blobs: BlobStore
     settings: Settings
     announce: Callable[[str], None]
     """Called with the job's id after each change of its row."""
@@ -103,12 +105,21 @@ class Worker:
     def _conclude(self, job: JobRow, message: dict[str, Any]) -> bool:
         if "outcome" in message:
             outcome = _outcome(message["outcome"])
+            self._keep(outcome.result_sha256, outcome.inliers_sha256)
             self.store.succeed(job, outcome, work_key(outcome.source, outcome.target, job.options))
         elif "error" in message:
             self.store.fail(job, message["error"], message["timing"])
         else:
             return False
         return True
+
+    def _keep(self, *blobs: str) -> None:
+        """Spare what the child has stored until the row refers to it."""
+        try:
+            for sha256 in blobs:
+                self.blobs.touch(sha256)
+        except FileNotFoundError as error:
+            raise ChildLostError("its result was removed before it was recorded") from error
 
     def _bound(self, job: JobRow) -> _Bound:
         """When the attempt must end, and why then."""

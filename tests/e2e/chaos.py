@@ -31,7 +31,7 @@ SETTINGS = {
     "webhook_hosts": "127.0.0.1",
     "webhook_secret": "chaos",
     "webhook_retry_s": 0.2,
-    "blob_grace_s": 1,
+    "blob_grace_s": 10,
     "upkeep_interval_s": 0.5,
 }
 TARGET = arms(0)
@@ -168,7 +168,7 @@ class Chaos:
         for job_id in self.accepted:
             assert self.server.client.delete(f"/v1/registrations/{job_id}").status_code == 204
         kept = [self.server.data_dir / name for name in ("blobs", "incoming", "scratch")]
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + 60
         while left := [p for d in kept for p in d.rglob("*") if p.is_file()]:
             assert time.monotonic() < deadline, f"{len(left)} files are left: {left[:3]}"
             time.sleep(0.2)
@@ -202,7 +202,11 @@ def _check_end(job: dict[str, Any], wanted: Wanted) -> None:
 
 def run(directory: Path, *, jobs: int, kills: int, seed: int) -> dict[str, Any]:
     with receiving() as receiver, running_server(directory, **SETTINGS) as server:
-        return Chaos(server, receiver, jobs, kills, seed).run()
+        try:
+            return Chaos(server, receiver, jobs, kills, seed).run()
+        except (AssertionError, httpx.HTTPError) as error:
+            error.add_note(server.log[-20000:])
+            raise
 
 
 def main() -> None:

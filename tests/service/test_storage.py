@@ -6,6 +6,8 @@ import hashlib
 import os
 from pathlib import Path
 
+import pytest
+
 from service.storage import BlobStore
 
 
@@ -52,6 +54,18 @@ def test_a_blob_that_is_stored_again_is_young(tmp_path: Path) -> None:
     os.utime(store.path(blob.sha256), (0, 0))
     store.put([b"a"])
     assert store.collect(set, older_than=1000) == 0
+
+
+def test_a_blob_that_is_touched_is_young(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    blob = store.put([b"a"])
+    os.utime(store.path(blob.sha256), (0, 0))
+    store.touch(blob.sha256)
+    assert store.collect(set, older_than=1000) == 0
+    assert store.collect(set, older_than=2**40) == 1
+    with pytest.raises(FileNotFoundError):
+        store.touch(blob.sha256)
+    assert files(store) == []
 
 
 def test_what_a_dead_process_left_is_removed(tmp_path: Path) -> None:
