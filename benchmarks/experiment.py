@@ -21,7 +21,8 @@ INTRODUCTION = """# Results
 
 Each page has its table, the command that made it, the time it took and the versions; the
 raw figures are in the JSON file of the same name. `make bench` and `make paper` make them all. They
-need the real clouds (`MPE_DATA`). The machine had two cores, not always idle.
+need the real clouds (`MPE_DATA`). A load above 1 says
+that other programs took part of the time: such seconds compare within a page only.
 """
 PACKAGES = ("mpe", "numpy", "scipy", "numba", "open3d-cpu", "kiss-matcher", "small-gicp", "pycpd")
 
@@ -95,10 +96,11 @@ def _write_index() -> None:
     (RESULTS / "README.md").write_text("\n".join(lines))
 
 
-def environment() -> dict[str, str | int]:
+def environment() -> dict[str, str | float]:
     """What the figures depend on besides the code."""
     return {
         "cores": os.cpu_count() or 1,
+        "load": round(os.getloadavg()[0], 1),  # more than one: others took part of the time
         "architecture": platform.machine(),
         "python": platform.python_version(),
     } | {package: version(package) for package in PACKAGES}
