@@ -6,29 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.kernels.cells import (
+    LAST_CELL,
+    bounds,
     cell_means,
-    local_planes,
     nearest_within,
     number_cells,
     sort_by_cell,
 )
+from mpe_core.kernels.local_planes import local_planes
 
 Points = NDArray[np.float32]
 
-LARGEST_GRID = 2.0**21 - 8
-"""Cells along an axis that a 64-bit key can tell apart."""
 
-
-def least_cell(points: Points, size: float) -> np.float32:
-    """The cell size asked for, or the smallest that numbers every cell of these points (N, 3)."""
-    extent = float((points.max(axis=0) - points.min(axis=0)).max())
-    return np.float32(max(size, extent / LARGEST_GRID))
+def grid(points: Points, size: float) -> tuple[Points, np.float32]:
+    """Origin (3,) and cell size of a grid over the points (N, 3): the size asked for, or the
+    smallest that numbers every cell."""
+    low, high = bounds(points)
+    return low, np.float32(max(size, float((high - low).max()) / (LAST_CELL - 2)))
 
 
 def thin(points: Points, size: float) -> Points:
     """(K, 3) means of the points (N, 3) in each occupied cube of edge `size`, in order of
     appearance."""
-    means: Points = cell_means(points, points.min(axis=0), least_cell(points, size))[0]
+    means: Points = cell_means(points, *grid(points, size))[0]
     return means
 
 
@@ -37,8 +37,7 @@ class CellList:
     point."""
 
     def __init__(self, points: Points, reach: float) -> None:
-        self.reach = least_cell(points, reach)
-        self._origin = points.min(axis=0)
+        self._origin, self.reach = grid(points, reach)
         self._keys, self._slots, cell_of, counts = number_cells(points, self._origin, self.reach)
         self.points, self._starts, self.rows = sort_by_cell(points, cell_of, counts)
         """The cloud in cell order (M, 3), and the row of the given cloud that each came from."""

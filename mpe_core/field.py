@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.kernels.cells import bounds
 from mpe_core.kernels.lattice import nearest_index
 from mpe_core.surface import Surface
 
@@ -33,8 +34,9 @@ class NearestField:
 
 def nearest_field(surface: Surface) -> NearestField:
     """Sample the nearest point of the surface on a lattice around it."""
-    origin = surface.points.min(axis=0) - np.float32(MARGIN)
-    extent = surface.points.max(axis=0) + np.float32(MARGIN) - origin
+    low, high = bounds(surface.points)
+    origin = low - np.float32(MARGIN)
+    extent = high + np.float32(MARGIN) - origin
     cell = max(CELL, float(np.cbrt(np.prod(extent.astype(np.float64)) / MOST_CELLS)))
     shape = np.ceil(extent / cell).astype(np.int64) + 1
     rows: NDArray[np.int32] = nearest_index(surface.points, origin, np.float32(cell), shape)
