@@ -28,9 +28,9 @@ steps, median: 1 (point to point) 4.2 degrees, 0.3 1.8, 0.1 0.5, 0.03 0.2. Walls
 with it: the facade pair 6-5 stays 1.4 m off with 0.05."""
 
 HOPELESS = 0.4
-"""Candidates that score less than this share of the best go down no further. The five hardest shared
-pairs, four starts each: 20 of 20 right with it and without; the waves of an easy pair take a quarter
-of the time."""
+"""Candidates that score less than this share of the best go down no further. The five hardest
+shared pairs, four starts each: 20 of 20 right with it and without; the waves of an easy pair take a
+quarter of the time."""
 
 APART_DEGREES, APART = 8.0, 0.1
 """Poses closer than both are one candidate."""
