@@ -14,7 +14,7 @@ REQUIRED = os.environ.get("MPE_REQUIRE_REAL_DATA") == "1"
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """Folder of the real clouds; the test is skipped loudly without it, or fails where CI needs it."""
+    """Folder of the real clouds; skipped loudly without it, or a failure where CI needs it."""
     if (DATA / "pairs.json").is_file():
         return DATA
     if REQUIRED:
