@@ -23,10 +23,15 @@ from mpe_core.surface import Surface
 
 Pose = NDArray[np.float64]
 
-NOISY = 0.013
+NOISY = 0.0095
 """Roughness from which on noise hides the planes and the full-sum potential takes over. Roughness
 of the shared clouds: at most 0.010; of the bunny of 1,889 points with noise 0.01 0.010, 0.02
 0.017."""
+
+LEAST_NOISE = 0.01
+QUARTER_OF_NORMAL = 0.3186
+"""Least noise that the potential is told, in radii of the smaller cloud; and the lower quartile of
+|z| of a standard normal z."""
 
 POTENTIAL_POINTS = 4000
 """Points of each cloud in the full sum."""
@@ -145,7 +150,8 @@ def _some(surface: Surface) -> NDArray[np.float32]:
 
 
 def _noise(x: Surface, y: Surface, T: Pose) -> float:
-    """Robust standard deviation of the distances from the planes of the smoother cloud."""
+    """Standard deviation of the distances from the planes of the smoother cloud, from their lower
+    quartile: up to three quarters of them may be outliers."""
     if x.roughness < y.roughness:
         smooth, moved = x, apply(inverse(T), y.points[y.weights > 0])
     else:
@@ -156,4 +162,6 @@ def _noise(x: Surface, y: Surface, T: Pose) -> float:
     near = row >= 0
     normals = smooth.normals[cells.rows[row[near]]]
     residual = np.abs(np.einsum("ni,ni->n", cells.points[row[near]] - queries[near], normals))
-    return max(1.4826 * float(np.median(residual)) if near.any() else 0.0, 0.01)
+    if not near.any():
+        return LEAST_NOISE
+    return max(float(np.quantile(residual, 0.25)) / QUARTER_OF_NORMAL, LEAST_NOISE)

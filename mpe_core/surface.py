@@ -25,6 +25,10 @@ points: variation 0.011 clean, 0.03 with noise 0.01 of the radius, 0.08 with 0.0
 FLAT_WEIGHT = 0.02
 """K of a flat place beside sqrt(surface variation): walls must not outweigh the rest."""
 
+SUPPORT = 6.0
+"""Radius over the spacing of the points that a plane is fitted to, some 110 of them: a wide
+neighbourhood of a dense cloud has ten times as many and no better plane."""
+
 SPARSE = 0.3
 """Places with fewer neighbours than this share of the median are stray points, of weight 0."""
 
@@ -52,9 +56,10 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
     sample = thin(points, voxel)
     radius = LEAST_RADIUS
     rough = MOST_RADIUS
+    points = CellList(sample, radius).points
     while True:
-        cells = CellList(sample, radius)
-        normals, variation, thickness, count = cells.planes(cells.points)
+        support = points if radius < SUPPORT * voxel else thin(points, radius / SUPPORT)
+        normals, variation, thickness, count = CellList(support, radius).planes(points)
         usable = count >= ENOUGH_NEIGHBOURS // 2
         flat = float(np.median(variation[usable])) if usable.any() else 1.0
         neighbours = float(np.median(count))
@@ -64,11 +69,11 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
             break
         radius *= GROWTH
     return Surface(
-        points=cells.points,
+        points=points,
         normals=normals,
         weights=_weights(variation, count),
         roughness=rough,
-        radius=float(cells.reach),
+        radius=radius,
         spacing=radius * float(np.sqrt(np.pi / max(neighbours, 1.0))),
     )
 
