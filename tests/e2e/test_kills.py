@@ -106,7 +106,7 @@ def test_cancel_while_decoding(server: Server) -> None:
 
 @pytest.mark.parametrize("stage", ["prepare", "search", "refine", "inliers"])
 def test_cancel_while_registering(server: Server, stage: str) -> None:
-    cloud = as_npy(arms(4, 10_000))
+    cloud = as_npy(arms(4, 400_000 if stage == "inliers" else 10_000))
     for seed in range(20):  # the last stage is short
         job = server.submit(cloud, cloud, options=f'{{"seed": {seed}}}').json()
         if cancel_in(server, job["id"], stage):
