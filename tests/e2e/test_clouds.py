@@ -66,17 +66,18 @@ def test_many_scans_against_one_reference(server: Server) -> None:
 
 
 def test_a_reference_is_decoded_once(server: Server) -> None:
-    put(server, "big-text", as_text(20_000))
+    put(server, "big-text", as_text(100_000))
     reference = {"cloud": "big-text"}
     decode_s = []
-    for seed in range(2):
+    for seed in range(4):
         request = {"source": reference, "target": reference, "options": {"seed": seed}}
         response = server.client.post(
             "/v1/registrations", json=request, headers={"Prefer": "wait=50"}
         )
         decode_s.append(registered(response)["timing"]["decode_s"])
-    print(f"decoding 20,000 lines of text: {decode_s[0]:.3f} s, again {decode_s[1]:.4f} s")
-    assert decode_s[1] < decode_s[0] / 2
+    first, again = decode_s[0], min(decode_s[1:])
+    print(f"decoding 100,000 lines of text: {first:.3f} s, again {again:.4f} s")
+    assert again < first / 2
 
 
 def test_clouds_are_listed_replaced_and_removed(server: Server) -> None:
