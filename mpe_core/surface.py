@@ -14,8 +14,9 @@ VOXEL = 0.015
 """Edge of the thinning cubes in radii of the smaller cloud (design study: 1.2-1.5 % keeps all 85
 pairs)."""
 
-LEAST_RADIUS, MOST_RADIUS, GROWTH = 0.08, 0.3, 1.4
-"""Radius of a neighbourhood in the same unit: grown until it holds a surface rather than noise."""
+LEAST_RADIUS, MOST_RADIUS, GROWTH = 0.065, 0.3, 1.4
+"""Radius of a neighbourhood in the same unit: grown until it holds a surface rather than noise.
+0.08 instead of 0.065 to begin with: the same 255 of 255 shared trials right, a tenth slower."""
 
 ENOUGH_NEIGHBOURS, SMOOTH = 12, 0.035
 """Median points and median surface variation at which a neighbourhood is taken. Bunny of 1,889
@@ -55,7 +56,7 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
     """Thin a cloud (N, 3) to one point a voxel and fit a plane around each."""
     sample = thin(points, voxel)
     radius = LEAST_RADIUS
-    rough = MOST_RADIUS
+    rough, spacing = MOST_RADIUS, 0.0
     points = CellList(sample, radius).points
     while True:
         support = points if radius < SUPPORT * voxel else thin(points, radius / SUPPORT)
@@ -63,6 +64,8 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
         usable = count >= ENOUGH_NEIGHBOURS // 2
         flat = float(np.median(variation[usable])) if usable.any() else 1.0
         neighbours = float(np.median(count))
+        if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= MOST_RADIUS):
+            spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
         if neighbours >= ENOUGH_NEIGHBOURS:
             rough = min(rough, float(np.quantile(thickness[usable], 0.25)))
         if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= MOST_RADIUS:
@@ -74,7 +77,7 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
         weights=_weights(variation, count),
         roughness=rough,
         radius=radius,
-        spacing=radius * float(np.sqrt(np.pi / max(neighbours, 1.0))),
+        spacing=spacing,
     )
 
 
