@@ -14,7 +14,7 @@ from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import GLOBAL
 from tests.clouds import Trial, real_pair
 
-SEEDS = 1
+SEEDS = 3
 LABELS = ("id", "suite", "overlap", "max_rotation_deg", "max_translation")
 OVERLAPS = (0.0, 0.4, 0.6, 0.8, 1.01)
 
