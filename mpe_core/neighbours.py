@@ -9,10 +9,6 @@ from scipy.spatial import KDTree
 
 from mpe_core.cells import CellList
 
-SPACING_SAMPLE = 2000
-"""Points asked for their nearest neighbour; the median of 2,000 is within 3 % of that of all on the
-bunny's 35,947 points."""
-
 
 class Neighbours:
     """k-d tree of a cloud (M, 3), asked on as many threads as numba's kernels use."""
@@ -32,11 +28,6 @@ class Neighbours:
             points, distance_upper_bound=reach, workers=numba.get_num_threads()
         )
         return np.asarray(distance), np.asarray(row, np.int64)
-
-    def spacing(self) -> float:
-        """Median distance from a point of the cloud to the nearest other one."""
-        some = self.points[:: max(1, len(self.points) // SPACING_SAMPLE)]
-        return float(np.median(np.asarray(self._tree.query(some, k=2)[0])[:, 1]))
 
 
 WIDE_REACH = 0.1

@@ -46,8 +46,6 @@ class Surface:
     """(N,) the paper's K_i: curvature, and 0 for stray points."""
     roughness: float
     """Distance of the points from their local planes where it is small (25 % are nearer): noise."""
-    radius: float
-    """Radius of the neighbourhoods that the normals come from."""
     spacing: float
     """Distance between neighbouring points of the sample, from how many lie around a point."""
 
@@ -76,7 +74,6 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
         normals=normals,
         weights=_weights(variation, count),
         roughness=rough,
-        radius=radius,
         spacing=spacing,
     )
 
