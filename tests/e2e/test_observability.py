@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -16,6 +15,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from tests.e2e.scans import arms, as_npy
 from tests.server import Server, running_server
+from tests.waiting import until
 
 CLOUD = as_npy(arms(1))
 
@@ -36,6 +36,8 @@ def test_metrics_follow_what_happens(server: Server) -> None:
     server.submit(CLOUD, CLOUD, wait=30, options='{"seed": 1}')
     server.submit(as_npy(arms(1, 1)), CLOUD, wait=30)
     server.submit(b"", CLOUD)
+    counted = frozenset({("method", "POST"), ("route", "/v1/registrations"), ("status", "422")})
+    until(lambda: samples(server).get(("mpe_http_request_seconds_count", counted)) == 2)
     now = samples(server)
     assert value("mpe_jobs", status="succeeded") == 1
     assert value("mpe_jobs", status="failed") == 1
@@ -58,9 +60,7 @@ def test_every_log_line_is_json_and_says_what_it_belongs_to(server: Server) -> N
     response = server.submit(CLOUD, CLOUD, wait=30, headers=headers, options='{"seed": 2}')
     assert response.headers["X-Request-ID"] == "order-66"
     job_id = response.json()["id"]
-    deadline = time.monotonic() + 10
-    while f'"job_id": "{job_id}"' not in server.log and time.monotonic() < deadline:
-        time.sleep(0.05)
+    until(lambda: {"order-66", job_id} <= set(server.log.split('"')))
     lines = [json.loads(line) for line in server.log.splitlines()]
     (request,) = [line for line in lines if line.get("request_id") == "order-66"]
     assert (request["method"], request["path"]) == ("POST", "/v1/registrations")
@@ -111,7 +111,7 @@ def collector() -> Iterator[Collector]:
 def test_spans_of_a_registration_are_exported(tmp_path: Path, collector: Collector) -> None:
     with running_server(tmp_path, otlp_endpoint=collector.url) as server:
         job = server.submit(CLOUD, CLOUD, wait=30).json()
-        time.sleep(0.5)
+        until(lambda: any(span.name == "registration" for span in collector.spans))
     spans = {span.name: span for span in collector.spans}
     stages = {"queue", "fetch", "decode", "prepare", "search", "refine", "inliers", "store"}
     assert set(spans) == {"registration", *stages}
