@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy import Connection, create_engine, event
 
-from service.jobs.tables import migrate
+from service.jobs.schema import migrate
 
 CONNECTIONS = 32
 """Kept open; as many again for a while. More than the threads that ask: 40, and the workers."""
@@ -26,8 +26,7 @@ class Database:
         self._writer = self._engine.execution_options(writes=True)
         # first come first served: SQLite's own waiting for the writer polls, and is unfair
         self._writing = threading.Lock()
-        with self.write() as connection:
-            migrate(connection)
+        self._migrate()
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
@@ -41,6 +40,15 @@ class Database:
         with self._writing, self._writer.begin() as connection:
             yield connection
 
+    def _migrate(self) -> None:
+        """Alone: another process that opens the database meanwhile waits, and finds it done."""
+        with (
+            self._writer.connect() as connection,
+            _foreign_keys_off(connection),
+            connection.begin(),
+        ):
+            migrate(connection)
+
     def close(self) -> None:
         """Give the connections back."""
         self._engine.dispose()
@@ -50,6 +58,17 @@ def _configure_sqlite(connection: Any, _: object) -> None:
     connection.isolation_level = None  # transactions begin where SQLAlchemy says, see below
     for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=30000"):
         connection.execute(f"PRAGMA {pragma}")
+
+
+@contextmanager
+def _foreign_keys_off(connection: Connection) -> Iterator[None]:
+    """SQLite alters a table by making it anew: dropping the old one must not cascade."""
+    sqlite = connection.dialect.name == "sqlite"
+    if sqlite:
+        connection.connection.cursor().execute("PRAGMA foreign_keys=OFF")
+    yield
+    if sqlite:
+        connection.connection.cursor().execute("PRAGMA foreign_keys=ON")
 
 
 def _begin_sqlite(connection: Connection) -> None:

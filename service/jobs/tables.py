@@ -1,14 +1,12 @@
-"""The tables of the job store, and how an older data directory is brought up to date."""
+"""The tables of the job store as they are now; service/migrations brings older ones up to date."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from sqlalchemy import (
     JSON,
+    BigInteger,
     Boolean,
     Column,
-    Connection,
     Float,
     ForeignKey,
     Index,
@@ -16,9 +14,6 @@ from sqlalchemy import (
     MetaData,
     String,
     Table,
-    insert,
-    select,
-    update,
 )
 
 metadata = MetaData()
@@ -107,7 +102,7 @@ clouds = Table(
     metadata,
     Column("id", String, primary_key=True),
     Column("sha256", String, nullable=False),
-    Column("size", Integer, nullable=False),
+    Column("size", BigInteger, nullable=False),
     Column("format", String, nullable=False),
     Column("created_at", Float, nullable=False),
     Column("expires_at", Float, nullable=False),
@@ -119,29 +114,7 @@ uploads = Table(
     "uploads",
     metadata,
     Column("id", String, primary_key=True),
-    Column("length", Integer, nullable=False),
+    Column("length", BigInteger, nullable=False),
     Column("is_complete", Boolean, nullable=False),
     Column("expires_at", Float, nullable=False),
 )
-
-schema_version = Table("schema_version", metadata, Column("version", Integer, primary_key=True))
-
-# Step i brings a store of version i to version i + 1. A released step is never edited.
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (metadata.create_all,)
-
-
-def migrate(connection: Connection) -> None:
-    """Bring the store to the newest version; refuse one that a later release has written."""
-    schema_version.create(connection, checkfirst=True)
-    version = connection.scalar(select(schema_version.c.version))
-    if version is None:
-        version = 0
-        connection.execute(insert(schema_version).values(version=version))
-    if version > len(MIGRATIONS):
-        raise RuntimeError(
-            f"the job store has version {version}, this release knows {len(MIGRATIONS)}: "
-            "use the release that wrote it, or a later one"
-        )
-    for step in MIGRATIONS[version:]:
-        step(connection)
-    connection.execute(update(schema_version).values(version=len(MIGRATIONS)))

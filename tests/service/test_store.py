@@ -9,7 +9,6 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
-from sqlalchemy import update
 
 from service.jobs.database import Database
 from service.jobs.intake import Idempotency
@@ -17,7 +16,6 @@ from service.jobs.job import CloudInput, JobRow, Outcome, Retention
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs
 from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore
-from service.jobs.tables import schema_version
 from service.problems import IdempotencyMismatchError, QueueFullError
 
 CLOUD = CloudInput(sha256="ab", size=1)
@@ -266,10 +264,3 @@ def test_every_change_is_an_event(store: JobStore) -> None:
     assert [event.number for event in store.events(job.id, after=2)] == [3, 4]
     store.remove(job.id)
     assert store.events(job.id, after=0) == []
-
-
-def test_a_store_of_a_later_release_is_refused(database: Database, url: str) -> None:
-    with database.write() as connection:
-        connection.execute(update(schema_version).values(version=99))
-    with pytest.raises(RuntimeError, match="version 99"):
-        Database(url)

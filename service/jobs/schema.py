@@ -1,0 +1,42 @@
+"""Bringing the job store to the schema of this release; the steps are in service/migrations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Integer, column, inspect, select, table, text
+
+STEPS = Path(__file__).parent.parent / "migrations"
+
+
+def migrate(connection: Connection, *, to: str = "head", steps: Path = STEPS) -> None:
+    """Bring the store to a version, within the caller's transaction.
+
+    RuntimeError when a later release has written it.
+    """
+    config = Config(attributes={"connection": connection})
+    config.set_main_option("script_location", str(steps).replace("%", "%%"))
+    _number(connection, config)
+    _check_version(connection, ScriptDirectory.from_config(config))
+    command.upgrade(config, to)
+
+
+def _check_version(connection: Connection, known: ScriptDirectory) -> None:
+    found = MigrationContext.configure(connection).get_current_revision()
+    if found is not None and found not in {step.revision for step in known.walk_revisions()}:
+        raise RuntimeError(
+            f"the job store has version {found}, this release knows {known.get_current_head()}: "
+            "use the release that wrote it, or a later one"
+        )
+
+
+def _number(connection: Connection, config: Config) -> None:
+    """A store from before Alembic counted its versions in a table of its own; the last was 1."""
+    if inspect(connection).has_table("schema_version"):
+        counted = table("schema_version", column("version", Integer))
+        command.stamp(config, str(connection.scalar(select(counted.c.version))))
+        connection.execute(text("DROP TABLE schema_version"))

@@ -1,0 +1,201 @@
+"""An older job store is brought up to date without loss, whoever opens it, however often."""
+
+from __future__ import annotations
+
+import multiprocessing
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import Connection, Engine, MetaData, create_engine, insert, inspect, select, text
+
+from service.jobs.database import Database
+from service.jobs.job import Retention
+from service.jobs.schema import STEPS, migrate
+from service.jobs.store import JobStore
+from service.jobs.tables import metadata
+
+NEXT = """
+from alembic import op
+from sqlalchemy import Column, Integer
+
+revision = "next"
+down_revision = "{head}"
+
+
+def upgrade() -> None:
+    with op.batch_alter_table("jobs", recreate="always") as jobs:
+        jobs.add_column(Column("weight", Integer, nullable=False, server_default="7"))
+"""
+
+CLOUD = {"sha256": "ab", "size": 3_000_000_000, "url": None, "cloud": None, "reading": {}}
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path / 'jobs.sqlite3'}"
+
+
+@pytest.fixture
+def engine(url: str) -> Engine:
+    return create_engine(url)
+
+
+def fill_version_1(connection: Connection) -> None:
+    """A job that has succeeded, one that waits, what belongs to them, a cloud, an upload."""
+    migrate(connection, to="1")
+    tables = MetaData()
+    tables.reflect(connection)
+
+    def add(name: str, **values: Any) -> None:
+        connection.execute(insert(tables.tables[name]).values(**values))
+
+    common = {"created_at": 1e9, "attempt": 1, "lost_attempts": 0, "source": CLOUD}
+    common |= {"target": CLOUD, "options": {"seed": 1}, "warnings": ["odd"], "priority": 2}
+    common |= {"labels": {"part": "door"}, "cached": False, "callback_url": "http://a/b"}
+    ended = {"status": "succeeded", "stage": "finished", "fraction": 1.0, "confidence": 0.9}
+    ended |= {"timing": {"total_s": 1.0}, "result_sha256": "r", "finished_at": 2e9}
+    waits = {"status": "queued", "stage": "queued", "fraction": 0.0, "timing": {}}
+    add("jobs", id="done", **common, **ended)
+    add("jobs", id="waits", **common, **waits)
+    for job in ("done", "waits"):
+        fields = {"status": "queued", "stage": "queued", "fraction": 0.0}
+        add("events", job_id=job, number=1, at=1e9, **fields)
+        add("idempotency_keys", key=job, fingerprint="f", job_id=job)
+    call = {"status": "pending", "created_at": 1e9, "next_at": 2e9, "tries": [{"at": 1e9}]}
+    add("deliveries", id="d", job_id="done", **call)
+    add("clouds", id="c", sha256="ab", size=3_000_000_000, format="ply", created_at=1, expires_at=9)
+    add("uploads", id="u", length=3_000_000_000, is_complete=False, expires_at=9)
+
+
+def contents(connection: Connection) -> dict[str, list[dict[str, Any]]]:
+    """Every row of every table of version 1, with its columns."""
+    tables = MetaData()
+    tables.reflect(connection)
+    return {
+        name: [dict(row) for row in connection.execute(select(table)).mappings()]
+        for name, table in tables.tables.items()
+        if name != "alembic_version"
+    }
+
+
+def is_kept(
+    before: dict[str, list[dict[str, Any]]], after: dict[str, list[dict[str, Any]]]
+) -> bool:
+    """Whether each row is still there, with its values, whatever columns came to it."""
+    return all(
+        len(after[name]) == len(rows)
+        and all(any(_holds(new, row) for new in after[name]) for row in rows)
+        for name, rows in before.items()
+    )
+
+
+def test_the_steps_make_the_tables_of_this_release(url: str, engine: Engine) -> None:
+    Database(url).close()
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        assert compare_metadata(context, metadata) == []
+
+
+def test_a_store_of_version_1_is_brought_up_to_date_without_loss(url: str, engine: Engine) -> None:
+    with engine.begin() as connection:
+        fill_version_1(connection)
+        before = contents(connection)
+    Database(url).close()
+    with engine.connect() as connection:
+        assert is_kept(before, contents(connection))
+
+
+def test_an_upgraded_store_works(url: str, engine: Engine) -> None:
+    with engine.begin() as connection:
+        fill_version_1(connection)
+    database = Database(url)
+    store = JobStore(database, queue_limit=9, retention=Retention(result_s=60, job_s=60))
+    done = store.get("done")
+    assert done is not None
+    assert (done.status, done.labels, done.result_sha256) == ("succeeded", {"part": "door"}, "r")
+    assert done.source.size == 3_000_000_000
+    claimed = store.claim(lease_s=30)
+    assert claimed is not None
+    assert (claimed.id, claimed.attempt) == ("waits", 2)
+    database.close()
+
+
+def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
+    url: str, engine: Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with engine.begin() as connection:
+        fill_version_1(connection)
+    Database(url).close()
+    with engine.connect() as connection:
+        before = contents(connection)
+        head = MigrationContext.configure(connection).get_current_revision()
+    steps = tmp_path / "steps"
+    shutil.copytree(STEPS, steps)
+    (steps / "versions" / "next.py").write_text(NEXT.format(head=head))
+    monkeypatch.setattr(migrate, "__kwdefaults__", {"to": "head", "steps": steps})
+    Database(url).close()
+    with engine.connect() as connection:
+        after = contents(connection)
+    assert is_kept(before, after)
+    assert [job["weight"] for job in after["jobs"]] == [7, 7]
+
+
+def test_opening_again_changes_nothing(url: str, engine: Engine) -> None:
+    with engine.begin() as connection:
+        fill_version_1(connection)
+    Database(url).close()
+    with engine.connect() as connection:
+        before = contents(connection)
+    Database(url).close()
+    with engine.connect() as connection:
+        assert contents(connection) == before
+
+
+def test_many_processes_may_open_an_old_store_at_once(url: str, engine: Engine) -> None:
+    with engine.begin() as connection:
+        fill_version_1(connection)
+        before = contents(connection)
+    spawn = multiprocessing.get_context("spawn")
+    openers = [spawn.Process(target=_open_at, args=(url, time.time() + 3)) for _ in range(4)]
+    for opener in openers:
+        opener.start()
+    for opener in openers:
+        opener.join()
+    assert [opener.exitcode for opener in openers] == [0, 0, 0, 0]
+    with engine.connect() as connection:
+        assert is_kept(before, contents(connection))
+
+
+def test_a_store_that_counted_its_versions_itself_is_taken_over(url: str, engine: Engine) -> None:
+    with engine.begin() as connection:
+        fill_version_1(connection)
+        before = contents(connection)
+        connection.execute(text("DROP TABLE alembic_version"))
+        connection.execute(text("CREATE TABLE schema_version (version INTEGER PRIMARY KEY)"))
+        connection.execute(text("INSERT INTO schema_version VALUES (1)"))
+    Database(url).close()
+    with engine.connect() as connection:
+        assert is_kept(before, contents(connection))
+        assert not inspect(connection).has_table("schema_version")
+
+
+def test_a_store_of_a_later_release_is_refused(url: str, engine: Engine) -> None:
+    Database(url).close()
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '99'"))
+    with pytest.raises(RuntimeError, match=r"version 99.*use the release that wrote it"):
+        Database(url)
+
+
+def _open_at(url: str, moment: float) -> None:
+    time.sleep(max(0.0, moment - time.time()))
+    Database(url).close()
+
+
+def _holds(new: dict[str, Any], old: dict[str, Any]) -> bool:
+    return all(new[column] == value for column, value in old.items())
