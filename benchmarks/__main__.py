@@ -1,5 +1,6 @@
 """python -m benchmarks [name ...]: speed and accuracy beside the peers."""
 
+from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
 from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
@@ -7,4 +8,4 @@ from benchmarks.scaling import SCALING
 from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
-    main([KERNELS, PAIRS, SCALING, LOAD], "python -m benchmarks")
+    main([KERNELS, PAIRS, CONFIDENCE, SCALING, LOAD], "python -m benchmarks")

@@ -1,0 +1,185 @@
+"""How well the confidence tells right poses from wrong ones."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from scipy.stats import rankdata
+
+from benchmarks.experiment import DATA, Experiment, Result, markdown
+from benchmarks.impossible import impossible_pairs
+from benchmarks.symmetric import SHAPES
+from mpe_core import Registration, RegistrationOptions, register
+from mpe_core.alignment import Alignment
+from mpe_core.cloud import as_pair, as_points
+from mpe_core.rigid import apply
+from mpe_core.scan import scan
+from tests.checks import pose_error
+from tests.clouds import Array, moved, real_pair
+
+SEEDS = 3
+IMPOSSIBLE = 120
+BINS = (0.0, 0.02, 0.1, 0.5, 0.9, 0.98, 1.0)
+FITTING = 1.5  # times the median distance at the true pose: a shape lies on itself
+
+
+def run() -> Result:
+    return {"rows": _real() + _foreign(), "shapes": [_shape(shape) for shape in SHAPES]}
+
+
+def _real() -> list[Result]:
+    rows = []
+    for number, pair in enumerate(json.loads((DATA / "pairs.json").read_text())):
+        for seed in range(SEEDS):
+            trial = real_pair(DATA, pair["id"], seed=seed)
+            found = register(trial.source, trial.target)
+            degrees, shift = pose_error(found.T_target_source, trial.T_target_source, trial.source)
+            right = degrees <= pair["max_rotation_deg"] and shift <= pair["max_translation"]
+            errors = {"right": bool(right), "degrees": degrees, "shift": shift}
+            labels = {"case": pair["id"], "kind": "real", "half": number % 2, "seed": seed}
+            rows.append(labels | errors | _judged(trial.source, trial.target, found))
+    return rows
+
+
+def _foreign() -> list[Result]:
+    rows = []
+    for number, (name, source, target) in enumerate(impossible_pairs(IMPOSSIBLE)):
+        labels = {"case": name, "kind": "impossible", "half": number % 2, "right": False}
+        rows.append(labels | _judged(source, target, register(source, target)))
+    return rows
+
+
+def _judged(source: Array, target: Array, found: Registration) -> Result:
+    """Confidence and verdict, and the evidence that they come from."""
+    pair = as_pair(as_points(source), as_points(target))
+    T = found.T_target_source.copy()
+    T[:3, 3] += T[:3, :3] @ pair.source_centre - pair.target_centre
+    T[:3, 3] /= pair.unit
+    alignment = Alignment(scan(pair.source), scan(pair.target), RegistrationOptions())
+    return {
+        "confidence": found.confidence,
+        "accepted": found.accepted,
+        "ambiguous": found.ambiguous,
+        **asdict(alignment.judge(T)),
+    }
+
+
+def _shape(shape: Callable[[np.random.Generator], Array]) -> Result:
+    rng = np.random.default_rng(0)
+    target, trial = shape(rng), moved(shape(rng), rng, largest_deg=180)
+    found, tree = register(trial.source, target), KDTree(target)
+    gap, least = (
+        np.median(tree.query(apply(T, trial.source))[0])
+        for T in (found.T_target_source, trial.T_target_source)
+    )
+    return {
+        "shape": shape.__name__,
+        "fits": bool(gap < FITTING * least),
+        "confidence": found.confidence,
+        "accepted": found.accepted,
+        "ambiguous": found.ambiguous,
+        "others": len(found.alternatives),
+    }
+
+
+def roc_area(score: NDArray[np.float64], right: NDArray[np.bool_]) -> float:
+    """Chance that a right one scores above a wrong one, equal scores counting half."""
+    places = rankdata(score)[right].sum() - right.sum() * (right.sum() + 1) / 2
+    return float(places / (right.sum() * (~right).sum()))
+
+
+def table(result: Result) -> str:
+    rows = result["rows"]
+    wrong = [r for r in rows if not r["right"]]
+    accepted = [r for r in wrong if r["accepted"]]
+    refused = [r for r in rows if r["right"] and not r["accepted"]]
+    shapes = [
+        (s["shape"], s["fits"], s["accepted"], s["ambiguous"], s["others"])
+        for s in result["shapes"]
+    ]
+    return (
+        f"Every pair of pairs.json from {SEEDS} starts, right by the tolerances of the pair, and "
+        f"{IMPOSSIBLE} impossible pairs: the source is of another suite that shows something else, "
+        "scaled to the size of the target. The model of the confidence may be fitted to the cases "
+        "of half 0 (every other pair, every other impossible one), never to those of half 1.\n\n"
+        + markdown(
+            ("cases", "right", "wrong", "area under ROC", "wrong accepted", "right refused"),
+            [
+                _summary("all", rows),
+                _summary("half 0", [r for r in rows if r["half"] == 0]),
+                _summary("half 1", [r for r in rows if r["half"] == 1]),
+                _summary("real pairs", [r for r in rows if r["kind"] == "real"]),
+                _summary("impossible", [r for r in rows if r["kind"] == "impossible"]),
+            ],
+        )
+        + "\n\nReliability: how many of the poses with this confidence are right.\n\n"
+        + markdown(("confidence", "poses", "mean confidence", "right"), _reliability(rows))
+        + f"\n\nWrong, but accepted: {_named(accepted)}.\n\nRight, but refused: {_named(refused)}."
+        + "\n\nShapes that fit on themselves in several ways:\n\n"
+        + markdown(("shape", "pose fits", "accepted", "ambiguous", "alternatives"), shapes)
+    )
+
+
+def _summary(name: str, rows: list[Result]) -> tuple[object, ...]:
+    right = np.array([r["right"] for r in rows])
+    taken = np.array([r["accepted"] for r in rows])
+    both = right.any() and not right.all()
+    return (
+        name,
+        int(right.sum()),
+        int((~right).sum()),
+        f"{roc_area(np.array([r['confidence'] for r in rows]), right):.4f}" if both else "-",
+        _share(taken[~right]),
+        _share(~taken[right]),
+    )
+
+
+def _share(chosen: NDArray[np.bool_]) -> str:
+    return f"{chosen.sum()}/{len(chosen)} ({chosen.mean():.1%})" if len(chosen) else "-"
+
+
+def _reliability(rows: list[Result]) -> list[tuple[object, ...]]:
+    lines = []
+    for low, high in pairwise(BINS):
+        last = high == BINS[-1]
+        mine = [r for r in rows if low <= r["confidence"] < high or (last and r["confidence"] == 1)]
+        if mine:
+            mean = float(np.mean([r["confidence"] for r in mine]))
+            right = np.array([r["right"] for r in mine])
+            lines.append((f"{low:g} to {high:g}", len(mine), mean, _share(right)))
+    return lines
+
+
+def _named(rows: list[Result]) -> str:
+    names = [
+        f"{r['case']} ({r['confidence']:.2f}" + (f", start {r['seed']})" if "seed" in r else ")")
+        for r in rows
+    ]
+    return "; ".join(names) or "none"
+
+
+def draw(result: Result, figure: Figure) -> None:
+    """Evidence of right and wrong poses, and the ROC curve."""
+    evidence, curve = figure.subplots(1, 2)
+    rows = result["rows"]
+    for right, colour in ((True, "tab:blue"), (False, "tab:red")):
+        mine = [r for r in rows if r["right"] == right]
+        sharp, near = ([r[key] for r in mine] for key in ("sharp", "near"))
+        evidence.plot(
+            sharp, near, ".", color=colour, alpha=0.5, label="right" if right else "wrong"
+        )
+    evidence.set(xlabel="share of the near points on the surface", ylabel="share of near points")
+    evidence.legend()
+    ordered = np.array([r["right"] for r in sorted(rows, key=lambda r: -r["confidence"])])
+    curve.plot(np.cumsum(~ordered) / (~ordered).sum(), np.cumsum(ordered) / ordered.sum())
+    curve.set(xlabel="share of the wrong poses accepted", ylabel="share of the right ones accepted")
+
+
+CONFIDENCE = Experiment("confidence", "Knowing when it failed", run, table, draw)
