@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
+import secrets
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,8 +14,12 @@ from typing import Any
 
 import httpx
 
+from tests.waiting import until
+
 PROJECT = Path(__file__).parent.parent
-START_S = 60.0
+PORTS = range(15_000, 32_000)
+"""Below those that systems give to outgoing connections, one of which could take the port away."""
+CALL_S = 150.0
 
 
 class Server:
@@ -25,7 +29,7 @@ class Server:
         self.data_dir = data_dir
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
-        self.client = httpx.Client(base_url=self.url, timeout=60, trust_env=False)
+        self.client = httpx.Client(base_url=self.url, timeout=CALL_S, trust_env=False)
         self._environment = _environment(data_dir, settings)
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -47,7 +51,12 @@ class Server:
                 stdout=log,
                 stderr=log,
             )
-        self._await("/readyz" if ready else "/livez")
+        path = "/readyz" if ready else "/livez"
+        try:
+            until(lambda: self._answers(path))
+        except AssertionError as error:
+            error.add_note(self.log)
+            raise
 
     def stop(self) -> None:
         """SIGTERM, and wait for the end."""
@@ -61,7 +70,7 @@ class Server:
 
     def wait(self) -> None:
         assert self._process is not None
-        self._process.wait(timeout=60)
+        self._process.wait(timeout=120)
 
     def kill(self) -> None:
         """SIGKILL."""
@@ -73,18 +82,13 @@ class Server:
         """POST two files; `wait` seconds, form fields and headers as named arguments."""
         return submit(self.client, source, target, **kwargs)
 
-    def _await(self, path: str) -> None:
-        deadline = time.monotonic() + START_S
-        while time.monotonic() < deadline:
-            assert self._process is not None
-            assert self._process.poll() is None, f"the server ended:\n{self.log}"
-            try:
-                if self.client.get(path).status_code == 200:
-                    return
-            except httpx.TransportError:
-                pass
-            time.sleep(0.05)
-        raise AssertionError(f"the server did not become ready:\n{self.log}")
+    def _answers(self, path: str) -> bool:
+        assert self._process is not None
+        assert self._process.poll() is None, f"the server ended:\n{self.log}"
+        try:
+            return self.client.get(path).status_code == 200
+        except httpx.TransportError:
+            return False
 
 
 def submit(
@@ -103,14 +107,16 @@ def submit(
     )
 
 
-def finished(client: httpx.Client, job_id: str, *, within_s: float = 60) -> dict[str, Any]:
+def finished(client: httpx.Client, job_id: str) -> dict[str, Any]:
     """The job once it has ended."""
-    deadline = time.monotonic() + within_s
-    while time.monotonic() < deadline:
+
+    def ended() -> dict[str, Any] | None:
         job = client.get(f"/v1/registrations/{job_id}", headers={"Prefer": "wait=5"}).json()
-        if job["status"] in ("succeeded", "failed", "cancelled"):
-            return dict(job)
-    raise AssertionError(f"{job_id} has not ended: {job['status']}, {job['progress']}")
+        return job if job["status"] in ("succeeded", "failed", "cancelled") else None
+
+    job = until(ended, within_s=200)
+    assert job is not None
+    return job
 
 
 @contextmanager
@@ -128,9 +134,12 @@ def running_server(directory: Path, **settings: object) -> Iterator[Server]:
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port that nobody listens at; also after the server on it was killed."""
+    while True:
+        port = secrets.choice(PORTS)
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)):
+                return port
 
 
 def _environment(data_dir: Path, settings: dict[str, object]) -> dict[str, str]:

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TypeVar
+
+Seen = TypeVar("Seen")
 
 
-def until(happened: Callable[[], bool], *, within_s: float = 30) -> None:
-    """Return as soon as `happened()`; fail when it has not within `within_s` seconds."""
+def until(look: Callable[[], Seen], *, within_s: float = 90) -> Seen:
+    """What `look()` gives as soon as that is true; fail when it is not within `within_s` seconds.
+
+    The bound only ends a test that would hang: it is far above what a busy machine takes.
+    """
     deadline = time.monotonic() + within_s
-    while not happened():
-        assert time.monotonic() < deadline, f"waited {within_s} s in vain"
+    while not (seen := look()):
+        assert time.monotonic() < deadline, f"waited {within_s} s in vain; last seen: {seen!r}"
         time.sleep(0.02)
+    return seen

@@ -16,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 from service.admission import admit
 from service.body import limited
 from service.core import Service
-from service.dependencies import CurrentService
+from service.dependencies import CurrentCaller, CurrentService, DeclaredFormat, identify
 from service.problems import (
     BodyTooLargeError,
     MalformedBodyError,
@@ -44,7 +44,7 @@ def _tus(tus_resumable: Annotated[str, Header(description="1.0.0")] = "") -> Non
         )
 
 
-router = APIRouter(prefix="/v1/uploads", tags=["clouds"])
+router = APIRouter(prefix="/v1/uploads", tags=["clouds"], dependencies=[Depends(identify)])
 speaks_tus = [Depends(_tus)]
 
 
@@ -72,13 +72,18 @@ def describe(service: CurrentService) -> Response:
 )
 def create(
     service: CurrentService,
+    caller: CurrentCaller,
     upload_length: Annotated[int, Header(ge=1, description="Bytes of the whole file.")],
+    format: DeclaredFormat = None,
 ) -> Response:
     """Answers with the Location to send the pieces to."""
-    admit(service)
     if upload_length > service.settings.max_body_bytes:
         raise BodyTooLargeError(f"It exceeds the {service.settings.max_body_bytes} bytes allowed.")
-    upload = service.uploads.create(upload_length)
+    admit(service, caller, upload_length)
+    try:
+        upload = service.uploads.create(caller.tenant, upload_length, format)
+    finally:
+        service.shares.release(caller, upload_length)
     return _answer(201, {"Location": f"{router.prefix}/{upload.id}", **_expiry(upload)})
 
 
@@ -88,9 +93,9 @@ def create(
     summary="How far an upload is",
     dependencies=speaks_tus,
 )
-def look(upload_id: str, service: CurrentService) -> Response:
+def look(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
     """In the headers Upload-Offset and Upload-Length."""
-    upload = service.uploads.get(upload_id)
+    upload = service.uploads.get(caller.tenant, upload_id)
     return _answer(200, {**_state(upload, service), "Upload-Length": str(upload.length)})
 
 
@@ -106,12 +111,13 @@ async def append(
     upload_id: str,
     request: Request,
     service: CurrentService,
+    caller: CurrentCaller,
     upload_offset: Annotated[int, Header(ge=0, description="Where the piece begins.")],
 ) -> Response:
     """What arrives before a cut stays; ask with HEAD where to go on."""
     if request.headers.get("content-type") != PIECE:
         raise UnsupportedContentTypeError(f"A piece is sent as {PIECE}.")
-    upload = await run_in_threadpool(service.uploads.get, upload_id)
+    upload = await run_in_threadpool(service.uploads.get, caller.tenant, upload_id)
     with service.uploads.appending(upload, upload_offset) as file:
         await _receive(request, file, upload.length - upload_offset)
     upload = await run_in_threadpool(_after_piece, service, upload)
@@ -125,9 +131,9 @@ async def append(
     status_code=204,
     dependencies=speaks_tus,
 )
-def delete(upload_id: str, service: CurrentService) -> Response:
+def delete(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
     """Drops what has arrived; a cloud that it has become stays."""
-    service.uploads.remove(service.uploads.get(upload_id))
+    service.uploads.remove(service.uploads.get(caller.tenant, upload_id))
     return _answer(204, {})
 
 
@@ -135,10 +141,10 @@ async def _receive(request: Request, file: BinaryIO, room: int) -> None:
     try:
         async for chunk in limited(request, room):
             file.write(chunk)
+            file.flush()  # its length is how far the upload is, for whoever asks meanwhile
     except MalformedBodyError:
         return  # the connection was cut: what has come is kept
     finally:
-        file.flush()
         await run_in_threadpool(os.fsync, file.fileno())
 
 
@@ -148,7 +154,7 @@ def _after_piece(service: Service, upload: Upload) -> Upload:
     if complete:
         blob = service.blobs.adopt(service.uploads.path(upload))
         try:
-            service.clouds.put(upload.id, blob)
+            service.clouds.put(upload.tenant, upload.id, blob, upload.format)
         except (ServiceError, ValueError):
             service.uploads.remove(upload)
             raise

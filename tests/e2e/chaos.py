@@ -26,6 +26,7 @@ from tests.e2e.processes import all_of, forkserver
 from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
 from tests.server import Server, finished, running_server, submit
+from tests.waiting import until
 
 SETTINGS = {
     "webhook_hosts": "127.0.0.1",
@@ -86,33 +87,25 @@ class Chaos:
 
     def _submit(self, number: int) -> None:
         """Until it is accepted; the key makes sure that it is accepted once."""
-        while sum(self.killed.values()) < self.kills * number // self.jobs - 1:
-            time.sleep(0.02)  # in step with the kills
+        in_step = self.kills * number // self.jobs - 1
+        until(lambda: sum(self.killed.values()) >= in_step, within_s=600)
         wanted = _wanted(self.seed, number)
         with httpx.Client(base_url=self.server.url, timeout=30, trust_env=False) as client:
-            while True:
-                try:
-                    response = submit(
-                        client,
-                        as_npy(wanted.source),
-                        as_npy(TARGET),
-                        headers={"Idempotency-Key": f"job-{number}"},
-                        callback_url=self.receiver.url,
-                    )
-                except httpx.TransportError:
-                    time.sleep(0.1)
-                    continue
-                if response.status_code == 202:
-                    self.accepted[response.json()["id"]] = wanted
-                    return
-                if response.status_code == 200:  # it had ended before the repetition
-                    self.accepted[response.json()["id"]] = wanted
-                    return
-                if response.status_code == 422:
-                    self.accepted[response.json()["job"]] = wanted
-                    return
-                assert response.status_code in (409, 429, 503), response.text
-                time.sleep(0.1)
+            self.accepted[until(lambda: self._try(client, wanted))] = wanted
+
+    def _try(self, client: httpx.Client, wanted: Wanted) -> str:
+        """Id of the job; empty when nobody answered, or with "later"."""
+        files = as_npy(wanted.source), as_npy(TARGET)
+        key = {"Idempotency-Key": f"job-{wanted.number}"}
+        try:
+            response = submit(client, *files, headers=key, callback_url=self.receiver.url)
+        except httpx.TransportError:
+            return ""
+        if response.status_code in (409, 429, 503):
+            return ""
+        # 200 or 422: it had ended before the repetition
+        assert response.status_code in (200, 202, 422), response.text
+        return str(response.json()["job" if response.status_code == 422 else "id"])
 
     def _kill_again_and_again(self) -> None:
         rng = random.Random(self.seed)
@@ -133,14 +126,14 @@ class Chaos:
                 parent = forkserver(self.server)
                 rng.choice([parent] if kind == "forkserver" else parent.children()).kill()
                 return True
-            except (psutil.NoSuchProcess, StopIteration, IndexError):
+            except (psutil.NoSuchProcess, IndexError):
                 time.sleep(0.01)
         return False
 
     def _ends(self) -> dict[str, dict[str, Any]]:
         ended = {}
         for job_id, wanted in self.accepted.items():
-            job = finished(self.server.client, job_id, within_s=120)
+            job = finished(self.server.client, job_id)
             _check_end(job, wanted)
             self._check_ended_once(job_id)
             ended[job_id] = job
@@ -154,10 +147,7 @@ class Chaos:
         assert len(ends) == 1, events
 
     def _check_callbacks(self, ended: dict[str, dict[str, Any]]) -> None:
-        deadline = time.monotonic() + 60
-        while missing := set(ended) - {event["data"]["id"] for event in self._events()}:
-            assert time.monotonic() < deadline, f"{len(missing)} callbacks never came"
-            time.sleep(0.1)
+        until(lambda: set(ended) <= {event["data"]["id"] for event in self._events()})
         for event in self._events():
             assert event["type"] == f"registration.{ended[event['data']['id']]['status']}"
 
@@ -168,12 +158,9 @@ class Chaos:
         for job_id in self.accepted:
             assert self.server.client.delete(f"/v1/registrations/{job_id}").status_code == 204
         kept = [self.server.data_dir / name for name in ("blobs", "incoming", "scratch")]
-        deadline = time.monotonic() + 60
-        while left := [p for d in kept for p in d.rglob("*") if p.is_file()]:
-            assert time.monotonic() < deadline, f"{len(left)} files are left: {left[:3]}"
-            time.sleep(0.2)
+        until(lambda: not [p for folder in kept for p in folder.rglob("*") if p.is_file()])
         self.server.stop()
-        _, alive = psutil.wait_procs(all_of(self.server.data_dir), timeout=5)
+        _, alive = psutil.wait_procs(all_of(self.server.data_dir), timeout=60)
         assert not alive, f"processes are left: {alive}"
 
 

@@ -8,16 +8,26 @@ import psutil
 
 from service.jobs.confinement import BUSY_NAME
 from tests.server import Server
+from tests.waiting import until
 
 
 def forkserver(server: Server) -> psutil.Process:
+    """It is replaced when it ends: waits for the next one."""
+    (found,) = until(lambda: _forkservers(server))
+    return found
+
+
+def _forkservers(server: Server) -> list[psutil.Process]:
     children = psutil.Process(server.pid).children()
-    return next(child for child in children if "forkserver" in " ".join(child.cmdline()))
+    return [child for child in children if "forkserver" in _command(child)]
 
 
 def workers(server: Server) -> list[psutil.Process]:
     """The processes that perform a job; those that wait for one are left out."""
-    children = forkserver(server).children(recursive=True)
+    try:
+        children = forkserver(server).children(recursive=True)
+    except psutil.NoSuchProcess:
+        return []
     return [child for child in children if _name(child) == BUSY_NAME]
 
 
@@ -25,6 +35,13 @@ def _name(process: psutil.Process) -> str:
     try:
         return process.name()
     except psutil.NoSuchProcess:
+        return ""
+
+
+def _command(process: psutil.Process) -> str:
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
         return ""
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from tests.waiting import until
 
 
 class Receiver(ThreadingHTTPServer):
@@ -20,11 +21,8 @@ class Receiver(ThreadingHTTPServer):
         self.refusals = 0
         self.url = f"http://127.0.0.1:{self.server_port}/hook"
 
-    def wait_for(self, count: int, within_s: float = 20) -> None:
-        deadline = time.monotonic() + within_s
-        while len(self.received) < count:
-            assert time.monotonic() < deadline, f"{len(self.received)} of {count} calls came"
-            time.sleep(0.05)
+    def wait_for(self, count: int) -> None:
+        until(lambda: len(self.received) >= count)
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -15,6 +15,7 @@ from service.formats import DecodedCloud, read_points
 from tests.server import Server
 from tests.service.cloud_files import NORMALS, POINTS, pcd, ply
 from tests.service.scanner_files import DOUBLES, las
+from tests.waiting import until
 
 C, S = np.cos(np.radians(20)), np.sin(np.radians(20))
 TURN = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])
@@ -84,7 +85,7 @@ def test_laz_is_read_by_laspy_and_scratch_is_left_clean(server: Server, tmp_path
     content = server.client.get(f"/v1/registrations/{job}/aligned?format=laz").content
     (tmp_path / "a.laz").write_bytes(content)
     assert laspy.read(tmp_path / "a.laz").header.point_count == 40
-    assert not list((server.data_dir / "scratch").glob("aligned-*"))
+    until(lambda: not list((server.data_dir / "scratch").glob("aligned-*")))
 
 
 def test_what_cannot_be_fetched(server: Server) -> None:

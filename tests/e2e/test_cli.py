@@ -6,10 +6,8 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import httpx
@@ -18,6 +16,8 @@ import pytest
 from numpy.typing import NDArray
 
 from service.formats import read_points, write_ply
+from tests.server import free_port
+from tests.waiting import until
 
 MPE = Path(sys.executable).parent / "mpe"
 ANGLE = np.radians(25)
@@ -130,25 +130,22 @@ def test_wrong_settings_stop_the_service_from_starting(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def _is_ready(port: int) -> bool:
+    try:
+        return httpx.get(f"http://127.0.0.1:{port}/readyz", trust_env=False).status_code == 200
+    except httpx.TransportError:
+        return False
+
+
 def test_serve_answers_and_stops(tmp_path: Path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     environment = os.environ | {"MPE_DATA_DIR": str(tmp_path / "data")}
     with subprocess.Popen(
         [MPE, "serve", "--port", str(port)], env=environment, stderr=subprocess.DEVNULL
     ) as server:
         try:
-            deadline = time.monotonic() + 60
-            while time.monotonic() < deadline:
-                try:
-                    if httpx.get(f"http://127.0.0.1:{port}/readyz").status_code == 200:
-                        break
-                except httpx.TransportError:
-                    pass
-                time.sleep(0.2)
-            assert httpx.get(f"http://127.0.0.1:{port}/readyz").status_code == 200
+            until(lambda: _is_ready(port))
             assert (tmp_path / "data").is_dir()
         finally:
             server.send_signal(signal.SIGTERM)
-        assert server.wait(timeout=30) in (0, -signal.SIGTERM)
+        assert server.wait(timeout=120) in (0, -signal.SIGTERM)

@@ -57,8 +57,7 @@ def test_a_stream_tells_of_a_cancel(server: Server) -> None:
     job = server.submit(*slow_pair(), options=SLOW).json()
     stream = follow(server.client, job["id"])
     assert next(stream)["status"] == "queued"
-    with httpx.Client(base_url=server.url, trust_env=False) as other:
-        other.delete(f"/v1/registrations/{job['id']}")
+    server.client.delete(f"/v1/registrations/{job['id']}")
     assert list(stream)[-1]["status"] == "cancelled"
     assert finished(server.client, job["id"])["status"] == "cancelled"
 

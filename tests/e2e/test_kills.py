@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import io
-import os
-import signal
+import itertools
 import threading
 import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-import httpx
 import numpy as np
+import psutil
 import pytest
 
 from tests.e2e.processes import forkserver, workers
@@ -20,21 +19,24 @@ from tests.e2e.scans import arms, as_npy
 from tests.e2e.slow import SLOW, slow_pair
 from tests.e2e.test_events import follow
 from tests.server import Server, finished, running_server
+from tests.waiting import until
 
 GOOD = as_npy(arms(1))
 
 
-def assert_gone(server: Server, within_s: float = 1.0) -> None:
+GONE_S = 20
+"""Far less than the work would go on; `python -m benchmarks load` prints what it takes."""
+
+
+def assert_gone(server: Server) -> None:
     """No worker runs, and none left a file behind."""
-    deadline = time.monotonic() + within_s
-    while workers(server) or list((server.data_dir / "scratch").iterdir()):
-        assert time.monotonic() < deadline, "a worker or its scratch files are still there"
-        time.sleep(0.02)
+    scratch = server.data_dir / "scratch"
+    until(lambda: not workers(server) and not list(scratch.iterdir()), within_s=GONE_S)
 
 
 def assert_works(server: Server) -> None:
     seed = f'{{"seed": {time.monotonic_ns() % 10**9}}}'
-    assert server.submit(GOOD, GOOD, wait=30, options=seed).json()["status"] == "succeeded"
+    assert server.submit(GOOD, GOOD, wait=60, options=seed).json()["status"] == "succeeded"
 
 
 class Drip(BaseHTTPRequestHandler):
@@ -81,8 +83,7 @@ def cancel_in(server: Server, job_id: str, stage: str) -> bool:
         if event["stage"] == stage:
             break
         assert event["stage"] != "finished", f"{stage} was never seen"
-    with httpx.Client(base_url=server.url, trust_env=False) as other:
-        answer = other.delete(f"/v1/registrations/{job_id}")
+    answer = server.client.delete(f"/v1/registrations/{job_id}")
     if answer.status_code == 204:
         return False
     assert answer.json()["status"] == "cancelled"
@@ -99,41 +100,49 @@ def test_cancel_while_fetching(server: Server, drip: str) -> None:
 
 
 def test_cancel_while_decoding(server: Server) -> None:
-    job = server.submit(big_text(400_000), GOOD).json()
-    assert cancel_in(server, job["id"], "decode")
+    cancel_some(server, big_text(400_000), GOOD, "decode")
     assert_works(server)
 
 
 @pytest.mark.parametrize("stage", ["prepare", "search", "refine", "inliers"])
 def test_cancel_while_registering(server: Server, stage: str) -> None:
     cloud = as_npy(arms(4, 400_000 if stage == "inliers" else 10_000))
-    for seed in range(20):  # the last stage is short
-        job = server.submit(cloud, cloud, options=f'{{"seed": {seed}}}').json()
-        if cancel_in(server, job["id"], stage):
-            break
-    else:
-        raise AssertionError("no cancel came in time")
+    cancel_some(server, cloud, cloud, stage)
     assert_works(server)
+
+
+def cancel_some(server: Server, source: bytes, target: bytes, stage: str) -> None:
+    """A job may be through the stage before the cancel comes: then another one is tried."""
+    seeds = itertools.count()
+
+    def one() -> bool:
+        job = server.submit(source, target, options=f'{{"seed": {next(seeds)}}}').json()
+        return cancel_in(server, job["id"], stage)
+
+    until(one, within_s=250)
+
+
+def busy_worker(server: Server) -> psutil.Process:
+    """The worker that is at a slow job, once it computes."""
+    (worker,) = until(lambda: [w for w in workers(server) if sum(w.cpu_times()[:2]) > 0.5])
+    return worker
 
 
 def test_cancel_in_native_code(server: Server) -> None:
     job = server.submit(*slow_pair(), options=SLOW).json()
-    time.sleep(1.5)
-    assert workers(server)
-    started = time.monotonic()
+    busy_worker(server)
     assert server.client.delete(f"/v1/registrations/{job['id']}").json()["status"] == "cancelled"
     assert_gone(server)
-    assert time.monotonic() - started < 1.0
     assert_works(server)
 
 
 def test_timeout_in_native_code(tmp_path: Path) -> None:
-    with running_server(tmp_path, job_timeout_s=1.5) as server:
-        job = server.submit(*slow_pair(), options=SLOW, wait=20).json()
+    with running_server(tmp_path, job_timeout_s=4.5) as server:
+        job = server.submit(*slow_pair(), options=SLOW, wait=60).json()
         assert job["status"] == "failed"
         assert job["error"]["type"] == "urn:mpe:problem:job-timeout"
-        assert "1.5 s" in job["error"]["detail"]
-        assert 1.5 <= job["timing"]["total_s"] < 4
+        assert "4.5 s" in job["error"]["detail"]
+        assert 4.5 <= job["timing"]["total_s"] < 4.5 + GONE_S
         assert_gone(server)
         assert_works(server)
 
@@ -141,7 +150,7 @@ def test_timeout_in_native_code(tmp_path: Path) -> None:
 def test_memory_limit(tmp_path: Path) -> None:
     with running_server(tmp_path, job_memory_bytes=700 * 2**20) as server:
         cloud = as_npy(arms(5, 8_000_000))
-        job = server.submit(cloud, cloud, wait=50).json()
+        job = finished(server.client, server.submit(cloud, cloud).json()["id"])
         assert job["status"] == "failed", job
         assert job["error"]["type"] == "urn:mpe:problem:job-memory"
         assert "700 MiB" in job["error"]["detail"]
@@ -152,11 +161,9 @@ def test_memory_limit(tmp_path: Path) -> None:
 def test_a_killed_worker_is_replaced_three_times(server: Server) -> None:
     job = server.submit(*slow_pair(), options=SLOW).json()
     for attempt in (1, 2, 3):
-        while server.client.get(f"/v1/registrations/{job['id']}").json()["attempt"] < attempt:
-            time.sleep(0.02)
-        while not workers(server):
-            time.sleep(0.02)
-        os.kill(workers(server)[0].pid, signal.SIGKILL)
+        url = f"/v1/registrations/{job['id']}"
+        until(lambda url=url, least=attempt: server.client.get(url).json()["attempt"] >= least)
+        busy_worker(server).kill()
     ended = finished(server.client, job["id"])
     assert ended["status"] == "failed"
     assert ended["error"]["type"] == "urn:mpe:problem:worker-lost"
@@ -166,10 +173,8 @@ def test_a_killed_worker_is_replaced_three_times(server: Server) -> None:
 
 def test_a_killed_forkserver_is_replaced(server: Server) -> None:
     job = server.submit(*slow_pair(), options=SLOW).json()
-    while not workers(server):
-        time.sleep(0.02)
-    (orphan,) = workers(server)
+    orphan = busy_worker(server)
     forkserver(server).kill()
-    orphan.wait(timeout=2)
+    orphan.wait(timeout=GONE_S)
     server.client.delete(f"/v1/registrations/{job['id']}")
     assert_works(server)

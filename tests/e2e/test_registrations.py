@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from tests.e2e.scans import arms, as_npy, motion, moved, pose_error
 from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, finished, submit
+from tests.server import CALL_S, Server, finished, submit
+from tests.waiting import until
 
 
 def test_accepted_then_finished(server: Server) -> None:
@@ -84,9 +85,8 @@ def test_a_wait_that_is_too_short_loses_nothing(server: Server) -> None:
     response = server.submit(*slow_pair(), wait=1, options=SLOW)
     assert response.status_code == 202
     url = response.headers["Location"]
-    running = server.client.get(url)
-    assert running.json()["status"] == "running"
-    assert "Retry-After" in running.headers
+    until(lambda: server.client.get(url).json()["status"] == "running")
+    assert "Retry-After" in server.client.get(url).headers
     pending = server.client.get(f"{url}/inliers")
     assert pending.status_code == 409
     assert server.client.delete(url).json()["status"] == "cancelled"
@@ -127,8 +127,8 @@ def test_eight_clients_at_once(server: Server) -> None:
         target = arms(seed)
         truth = motion(np.random.default_rng(seed), target, 25, 0.3)
         source = moved(np.linalg.inv(truth), target)
-        with httpx.Client(base_url=server.url, timeout=60, trust_env=False) as client:
-            job = submit(client, as_npy(source), as_npy(target), wait=60).json()
+        with httpx.Client(base_url=server.url, timeout=CALL_S, trust_env=False) as client:
+            job = finished(client, submit(client, as_npy(source), as_npy(target)).json()["id"])
         return pose_error(np.array(job["result"]["transform"]), truth, source)
 
     with ThreadPoolExecutor(8) as clients:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import psutil
@@ -15,14 +15,19 @@ from tests.e2e.processes import forkserver, workers
 from tests.e2e.scans import arms, as_npy
 from tests.e2e.slow import SLOW, slow_pair
 from tests.server import Server, finished, running_server
+from tests.waiting import until
 
 CLOUD = as_npy(arms(1))
 
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[Server]:
-    with running_server(tmp_path, workers=1, shutdown_grace_s=3) as running:
+    with running_server(tmp_path, workers=1, shutdown_grace_s=60) as running:
         yield running
+
+
+def stage(server: Server, job: dict[str, Any]) -> str:
+    return str(server.client.get(f"/v1/registrations/{job['id']}").json()["progress"]["stage"])
 
 
 def test_killed_with_jobs_running_and_waiting(server: Server) -> None:
@@ -30,11 +35,9 @@ def test_killed_with_jobs_running_and_waiting(server: Server) -> None:
     waiting = [
         server.submit(CLOUD, CLOUD, options=f'{{"seed": {seed}}}').json() for seed in range(3)
     ]
-    while not workers(server):
-        time.sleep(0.02)
-    family = [forkserver(server), *workers(server)]
+    family = [forkserver(server), *until(lambda: workers(server))]
     server.kill()
-    _, alive = psutil.wait_procs(family, timeout=3)
+    _, alive = psutil.wait_procs(family, timeout=60)
     assert not alive, "a process outlived the service"
     server.start()
     again = server.client.get(f"/v1/registrations/{running['id']}").json()
@@ -45,35 +48,31 @@ def test_killed_with_jobs_running_and_waiting(server: Server) -> None:
 
 
 def test_terminated_while_busy(server: Server) -> None:
-    """It answers but takes nothing on, hands back what does not end, and goes on after a start."""
+    """It answers but takes nothing on; told again, it hands the job back; a start takes it up."""
     job = server.submit(*slow_pair(), options=SLOW).json()
-    while not workers(server):
-        time.sleep(0.02)
+    until(lambda: workers(server))
     server.terminate()
-    time.sleep(0.3)
+    until(lambda: server.client.get("/readyz").status_code == 503)
     assert server.client.get("/livez").status_code == 200
-    assert server.client.get("/readyz").status_code == 503
     refused = server.submit(CLOUD, CLOUD)
     assert refused.status_code == 503
     assert refused.json()["type"] == "urn:mpe:problem:not-ready"
-    server.wait()
+    server.stop()
     server.start()
+    until(lambda: workers(server))
     again = server.client.get(f"/v1/registrations/{job['id']}").json()
-    assert again["status"] in ("queued", "running")
-    while again["status"] == "queued":
-        again = server.client.get(f"/v1/registrations/{job['id']}").json()
-    assert again["attempt"] == 2
+    assert (again["status"], again["attempt"]) == ("running", 2)
     server.client.delete(f"/v1/registrations/{job['id']}")
 
 
 def test_terminated_with_a_job_that_ends_in_time(server: Server) -> None:
     cloud = as_npy(arms(6, 5_000))
     job = server.submit(cloud, cloud).json()
-    while not workers(server):
-        time.sleep(0.005)
+    until(lambda: stage(server, job) != "queued")
     server.stop()
     server.start()
-    assert server.client.get(f"/v1/registrations/{job['id']}").json()["attempt"] == 1
+    ended = finished(server.client, job["id"])
+    assert (ended["status"], ended["attempt"]) == ("succeeded", 1)
 
 
 def test_a_data_directory_has_one_service(server: Server) -> None:
@@ -84,7 +83,13 @@ def test_a_data_directory_has_one_service(server: Server) -> None:
     second.client.close()
 
 
-def test_a_wait_at_the_stop_is_answered(server: Server) -> None:
+def test_a_wait_at_the_stop_is_answered(tmp_path: Path) -> None:
+    """What does not end within the grace is handed back, and that is told."""
+    with running_server(tmp_path, workers=1, shutdown_grace_s=5) as server:
+        _wait_at_the_stop(server)
+
+
+def _wait_at_the_stop(server: Server) -> None:
     job = server.submit(*slow_pair(), options=SLOW).json()
     waited: list[httpx.Response] = []
     url, patience = f"/v1/registrations/{job['id']}", {"Prefer": "wait=50"}
@@ -92,7 +97,6 @@ def test_a_wait_at_the_stop_is_answered(server: Server) -> None:
         target=lambda: waited.append(server.client.get(url, headers=patience))
     )
     waiter.start()
-    time.sleep(0.5)
-    server.stop()
+    server.stop()  # it answers during the grace, so the wait may also begin then
     waiter.join()
     assert waited[0].json()["status"] == "queued"

@@ -16,6 +16,7 @@ import pytest
 from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import arms, as_npy
 from tests.server import Server, running_server
+from tests.waiting import until
 
 CLOUD = as_npy(arms(1))
 SECRET = "spring tide"
@@ -51,10 +52,7 @@ def deliveries(server: Server, job: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def delivered(server: Server, job: dict[str, Any]) -> list[dict[str, Any]]:
-    deadline = time.monotonic() + 10
-    while any(item["status"] != "delivered" for item in deliveries(server, job)):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    until(lambda: all(item["status"] == "delivered" for item in deliveries(server, job)))
     return deliveries(server, job)
 
 
@@ -65,7 +63,7 @@ def test_end_is_told_and_signed(server: Server, receiver: Receiver) -> None:
     signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.".encode() + body
     digest = hmac.new(SECRET.encode(), signed, hashlib.sha256).digest()
     assert headers["webhook-signature"] == "v1," + base64.b64encode(digest).decode()
-    assert abs(int(headers["webhook-timestamp"]) - time.time()) < 60
+    assert abs(int(headers["webhook-timestamp"]) - time.time()) < 300
     event = json.loads(body)
     assert event["type"] == "registration.succeeded"
     assert event["data"]["id"] == job["id"]
