@@ -26,6 +26,7 @@ from mpe_core import RegistrationOptions
 from service.core import running_service
 from service.formats import read_points
 from service.jobs.job import CloudInput, JobRow
+from service.keys import DEFAULT_TENANT
 from service.metrics import Metrics
 from service.settings import Settings
 from tests.server import Server, running_server
@@ -200,7 +201,12 @@ def _job(source: CloudInput, target: CloudInput, *, seed: int) -> JobRow:
     }
     options = defaults | {"seed": seed}
     return JobRow(
-        id=str(uuid4()), source=source, target=target, options=options, created_at=time.time()
+        id=str(uuid4()),
+        tenant=DEFAULT_TENANT,
+        source=source,
+        target=target,
+        options=options,
+        created_at=time.time(),
     )
 
 

@@ -10,6 +10,7 @@ from uuid import uuid4
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.gate import Caller
 from service.logs import request_id
 from service.metrics import Metrics
 
@@ -57,4 +58,7 @@ class Access:
             "status": status,
             "duration_ms": round(1000 * seconds, 1),
         }
+        caller: Caller | None = scope.get("caller")
+        if caller is not None and caller.key_id is not None:
+            facts |= {"tenant": caller.tenant, "key": caller.key_id}
         log.info("request", extra=facts)

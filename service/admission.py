@@ -3,26 +3,53 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import psutil
+from fastapi import Request
+from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
-from service.jobs.intake import check_room
+from service.gate import Caller
+from service.jobs.intake import check_room, check_share
 from service.problems import NotReadyError, OverloadedError
 
 RETRY_AFTER_S = 30
 
 
-def admit(service: Service) -> None:
-    """NotReadyError, QueueFullError or OverloadedError when a submission would come to nothing."""
+@asynccontextmanager
+async def room_for_body(request: Request, service: Service, caller: Caller) -> AsyncIterator[None]:
+    """Room for the request's body while the context lasts; raises like `admit`.
+
+    A body that does not announce its length may be as long as any.
+    """
+    longest = service.settings.max_body_bytes
+    size = min(longest, int(request.headers.get("content-length", longest)))
+    await run_in_threadpool(admit, service, caller, size)
+    try:
+        yield
+    finally:
+        service.shares.release(caller, size)
+
+
+def admit(service: Service, caller: Caller, size: int) -> None:
+    """Reserve room for so many bytes, which the caller releases.
+
+    NotReadyError, QueueFullError, QuotaExceededError or OverloadedError when a submission would
+    come to nothing.
+    """
     settings = service.settings
     if service.queue.is_stopping:
         raise NotReadyError("The service is stopping.", headers={"Retry-After": "5"})
     check_room(service.store.count("queued"), settings.queue_limit)
+    if caller.limits.queue_limit is not None:
+        check_share(service.store.count("queued", caller.tenant), caller.limits.queue_limit)
     if shutil.disk_usage(settings.data_dir).free < settings.min_free_disk_bytes:
         raise _overloaded("disk")
     if psutil.virtual_memory().available < settings.min_free_memory_bytes:
         raise _overloaded("memory")
+    service.shares.reserve(caller, size)
 
 
 def _overloaded(resource: str) -> OverloadedError:

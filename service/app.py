@@ -6,10 +6,12 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
+from starlette.middleware.cors import CORSMiddleware
 
 from service.access import Access
 from service.core import running_service
 from service.errors import register_error_handlers
+from service.headers import CORS, SecurityHeaders
 from service.lingering import LingeringClose
 from service.metrics import Metrics
 from service.openapi import describe
@@ -30,15 +32,18 @@ from service.settings import Settings
 def create_app(settings: Settings | None = None) -> FastAPI:
     """The application; its service runs from the start of its lifespan to the end."""
 
-    metrics = Metrics()
+    settings, metrics = settings or Settings(), Metrics()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        with running_service(settings or Settings(), metrics) as app.state.service:
+        with running_service(settings, metrics) as app.state.service:
             yield
 
     app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
     app.add_middleware(LingeringClose)
+    if settings.cors_origins:
+        app.add_middleware(CORSMiddleware, allow_origins=settings.cors_origins, **CORS)
+    app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
     register_error_handlers(app, metrics)
     for module in (

@@ -6,7 +6,7 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Row, and_, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, Row, and_, delete, insert, or_, select, update
 
 from service.formats import FORMATS, UnknownFormatError, sniff
 from service.jobs.database import Database
@@ -23,11 +23,14 @@ SNIFFED_BYTES = 4096
 class StoredCloud:
     """A cloud; times in seconds since the epoch, UTC."""
 
+    tenant: str
     id: str
     sha256: str
     size: int
     """Length of the file in bytes."""
     format: str
+    declared: bool
+    """Whether the caller named the format; else the content did."""
     created_at: float
     expires_at: float
 
@@ -40,40 +43,50 @@ class CloudStore:
         self._blobs = blobs
         self._retention_s = retention_s
 
-    def put(self, cloud_id: str, blob: Blob) -> StoredCloud:
-        """Store the blob as the cloud of this id, in place of a former one."""
+    def put(
+        self, tenant: str, cloud_id: str, blob: Blob, declared: str | None = None
+    ) -> StoredCloud:
+        """Store the blob as the tenant's cloud of this id, in place of a former one.
+
+        `declared` is its format where the content does not tell.
+        """
         now = time.time()
         cloud = StoredCloud(
+            tenant=tenant,
             id=cloud_id,
             sha256=blob.sha256,
             size=blob.size,
-            format=recognised("cloud", blob, self._blobs),
+            format=recognised("cloud", blob, self._blobs, declared),
+            declared=declared is not None,
             created_at=now,
             expires_at=now + self._retention_s,
         )
         with self._database.write() as connection:
-            connection.execute(delete(clouds).where(clouds.c.id == cloud_id))
+            connection.execute(delete(clouds).where(_named(tenant, cloud_id)))
             connection.execute(insert(clouds).values(**asdict(cloud)))
         return cloud
 
-    def get(self, cloud_id: str) -> StoredCloud:
-        """The cloud; UnknownCloudError when there is none."""
+    def get(self, tenant: str, cloud_id: str) -> StoredCloud:
+        """The tenant's cloud; UnknownCloudError when there is none."""
+        query = select(clouds).where(_named(tenant, cloud_id))
         with self._database.read() as connection:
-            row = connection.execute(select(clouds).where(clouds.c.id == cloud_id)).one_or_none()
-        return _known(row)
+            return _known(connection.execute(query).one_or_none())
 
-    def use(self, cloud_id: str) -> CloudInput:
+    def use(self, tenant: str, cloud_id: str) -> CloudInput:
         """The cloud as the input of a job, and one more period to live."""
         expires_at = time.time() + self._retention_s
-        used = update(clouds).where(clouds.c.id == cloud_id).values(expires_at=expires_at)
+        used = update(clouds).where(_named(tenant, cloud_id)).values(expires_at=expires_at)
         with self._database.write() as connection:
             cloud = _known(connection.execute(used.returning(clouds)).one_or_none())
         self._blobs.touch(cloud.sha256)
-        return CloudInput(sha256=cloud.sha256, size=cloud.size, cloud=cloud.id)
+        reading = {"format": cloud.format} if cloud.declared else {}
+        return CloudInput(cloud.sha256, cloud.size, cloud=cloud.id, reading=reading)
 
-    def page(self, *, limit: int, before: Place | None) -> list[StoredCloud]:
+    def page(self, tenant: str, *, limit: int, before: Place | None) -> list[StoredCloud]:
         """Up to `limit` clouds, newest first, from the place where the page before ended."""
-        query = select(clouds).order_by(clouds.c.created_at.desc(), clouds.c.id.desc()).limit(limit)
+        newest_first = (clouds.c.created_at.desc(), clouds.c.id.desc())
+        mine = clouds.c.tenant == tenant
+        query = select(clouds).where(mine).order_by(*newest_first).limit(limit)
         if before is not None:
             created_at, cloud_id = before
             same_time = and_(clouds.c.created_at == created_at, clouds.c.id < cloud_id)
@@ -81,15 +94,15 @@ class CloudStore:
         with self._database.read() as connection:
             return [_known(row) for row in connection.execute(query)]
 
-    def remove(self, cloud_id: str) -> None:
-        """Forget the cloud; UnknownCloudError when there is none."""
+    def remove(self, tenant: str, cloud_id: str) -> None:
+        """Forget the tenant's cloud; UnknownCloudError when there is none."""
         with self._database.write() as connection:
-            if connection.execute(delete(clouds).where(clouds.c.id == cloud_id)).rowcount == 0:
+            if connection.execute(delete(clouds).where(_named(tenant, cloud_id))).rowcount == 0:
                 _known(None)
 
 
-def recognised(role: str, blob: Blob, blobs: BlobStore) -> str:
-    """Name of the format that the file begins like; nothing of it is decoded here.
+def recognised(role: str, blob: Blob, blobs: BlobStore, declared: str | None = None) -> str:
+    """Name of the format that is declared or that the file begins like; nothing is decoded here.
 
     Raises
     ------
@@ -100,12 +113,18 @@ def recognised(role: str, blob: Blob, blobs: BlobStore) -> str:
     """
     if blob.size == 0:
         raise InvalidRequestError(f"{role}: the file is empty.")
+    if declared is not None:
+        return declared
     with blobs.path(blob.sha256).open("rb") as file:
         found = sniff(file.read(SNIFFED_BYTES))
     if found is None:
         names = ", ".join(format.name for format in FORMATS)
         raise UnknownFormatError(f"{role}: the file begins like none of the formats {names}.")
     return found
+
+
+def _named(tenant: str, cloud_id: str) -> ColumnElement[bool]:
+    return and_(clouds.c.tenant == tenant, clouds.c.id == cloud_id)
 
 
 def _known(row: Row[Any] | None) -> StoredCloud:

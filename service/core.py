@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from service.clouds import CloudStore
+from service.gate import Gate
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
 from service.jobs.database import Database
@@ -17,8 +18,11 @@ from service.jobs.job import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.jobs.webhooks import Webhooks
+from service.keys import KeyStore
 from service.metrics import Metrics
+from service.rate_limit import RateLimit
 from service.settings import Settings
+from service.share import Shares
 from service.storage import BlobStore
 from service.telemetry import Telemetry
 from service.tracing import Tracing
@@ -40,6 +44,9 @@ class Service:
     clouds: CloudStore
     uploads: UploadStore
     telemetry: Telemetry
+    gate: Gate
+    shares: Shares
+    rate_limit: RateLimit = field(default_factory=RateLimit)
     keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
 
 
@@ -85,6 +92,8 @@ def _assemble(settings: Settings, metrics: Metrics) -> Service:
             database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
         ),
         telemetry=telemetry,
+        gate=Gate(KeyStore(database), settings),
+        shares=Shares(database),
     )
 
 

@@ -6,14 +6,17 @@ import re
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import Depends, Header, Path, Request
+from fastapi import Depends, Header, Path, Query, Request, Security
+from fastapi.security import HTTPBearer
 from starlette.concurrency import run_in_threadpool
 
-from service.admission import admit
+from service.admission import room_for_body
 from service.body import read_file
 from service.core import Service
+from service.gate import Caller
 from service.jobs.job import JobRow
 from service.problems import UnknownRegistrationError
+from service.schemas import FormatName
 from service.storage import Blob
 from service.submission import Submission, read_submission
 
@@ -26,6 +29,28 @@ def _service(request: Request) -> Service:
 
 
 CurrentService = Annotated[Service, Depends(_service)]
+_bearer = HTTPBearer(
+    scheme_name="key",
+    bearerFormat="mpe_<id>_<secret>",
+    description="A key made by `mpe keys create`; a service without keys needs none.",
+    auto_error=False,
+)
+
+
+async def identify(
+    request: Request, service: CurrentService, _: Annotated[object, Security(_bearer)]
+) -> Caller:
+    """Whoever calls, by the key that is sent, and not more often than it may be used."""
+    given = request.headers.getlist("authorization")
+    caller = service.gate.remembered(given)
+    if caller is None:
+        caller = await run_in_threadpool(service.gate.identified, given)
+    request.scope["caller"] = caller
+    service.rate_limit.count(caller)
+    return caller
+
+
+CurrentCaller = Annotated[Caller, Depends(identify)]
 
 
 def _wait(
@@ -47,6 +72,7 @@ PreferredWait = Annotated[float | None, Depends(_wait)]
 
 async def _idempotency_key(
     service: CurrentService,
+    caller: CurrentCaller,
     idempotency_key: Annotated[
         str | None,
         Header(
@@ -57,7 +83,7 @@ async def _idempotency_key(
         ),
     ] = None,
 ) -> AsyncIterator[str | None]:
-    with service.keys_in_flight.hold(idempotency_key):
+    with service.keys_in_flight.hold(caller.tenant, idempotency_key):
         yield idempotency_key
 
 
@@ -65,20 +91,27 @@ IdempotencyKey = Annotated[str | None, Depends(_idempotency_key)]
 
 
 async def _submission(
-    request: Request, service: CurrentService, _key: IdempotencyKey
+    request: Request, service: CurrentService, caller: CurrentCaller, _key: IdempotencyKey
 ) -> Submission:
-    await run_in_threadpool(admit, service)
-    return await read_submission(request, service)
+    async with room_for_body(request, service, caller):
+        return await read_submission(request, service, caller.tenant)
 
 
 NewSubmission = Annotated[Submission, Depends(_submission)]
 
 
-async def _raw_body(request: Request, service: CurrentService) -> Blob:
-    await run_in_threadpool(admit, service)
-    return await read_file(request, service.blobs, service.settings.max_body_bytes)
+async def _raw_body(request: Request, service: CurrentService, caller: CurrentCaller) -> Blob:
+    async with room_for_body(request, service, caller):
+        return await read_file(request, service.blobs, service.settings.max_body_bytes)
 
 
+DeclaredFormat = Annotated[
+    FormatName | None,
+    Query(
+        description="Format of the file, one of GET /v1/formats, where its content does not tell: "
+        "`kitti` has no header."
+    ),
+]
 RawBody = Annotated[Blob, Depends(_raw_body)]
 
 
@@ -90,9 +123,11 @@ def known(job: JobRow | None) -> JobRow:
 
 
 def _known_job(
-    service: CurrentService, job_id: Annotated[str, Path(description="Id of the registration.")]
+    service: CurrentService,
+    caller: CurrentCaller,
+    job_id: Annotated[str, Path(description="Id of the registration.")],
 ) -> JobRow:
-    return known(service.store.get(job_id))
+    return known(service.store.find(caller.tenant, job_id))
 
 
 KnownJob = Annotated[JobRow, Depends(_known_job)]

@@ -9,10 +9,11 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 
 from service.clouds import StoredCloud
-from service.jobs.job import JobRow
+from service.jobs.job import CloudInput, JobRow
 from service.jobs.listing import Place
 from service.problems import InvalidRequestError
 from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
+from service.shown import shown
 from service.storage import BlobStore
 
 
@@ -26,13 +27,13 @@ def summary(job: JobRow) -> JobSummary:
         finished_at=_time_or_none(job.finished_at),
         attempt=job.attempt,
         progress=Progress(stage=job.stage, fraction=job.fraction),
-        source=CloudInfo(**asdict(job.source)),
-        target=CloudInfo(**asdict(job.target)),
+        source=_cloud(job.source),
+        target=_cloud(job.target),
         options=job.options,
         labels=job.labels,
         priority=job.priority,
         deadline_at=_time_or_none(job.deadline_at),
-        callback_url=job.callback_url,
+        callback_url=shown(job.callback_url),
         cached=job.cached,
         result_expires_at=_time_or_none(job.result_expires_at),
         expires_at=_time_or_none(job.expires_at),
@@ -40,6 +41,10 @@ def summary(job: JobRow) -> JobSummary:
         warnings=job.warnings,
         error=None if job.error is None else Problem(**job.error),
     )
+
+
+def _cloud(cloud: CloudInput) -> CloudInfo:
+    return CloudInfo(**asdict(cloud) | {"url": shown(cloud.url)})
 
 
 def document(job: JobRow, blobs: BlobStore) -> bytes:

@@ -10,9 +10,11 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from fastapi.routing import iter_route_contexts
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
+from service.headers import protect
 from service.metrics import Metrics
 from service.problems import (
     INTERNAL,
@@ -102,13 +104,29 @@ def _invalid_parameters(request: Request, error: Exception) -> ProblemResponse:
     return _expected(request, invalid_request(error))
 
 
-def _http(_: Request, error: Exception) -> ProblemResponse:
+def _http(request: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, HTTPException)  # noqa: S101
+    headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        headers["Allow"] = _allowed(request)
     status = HTTPStatus(error.status_code)
     kind = ProblemType(status.value, status.phrase.lower().replace(" ", "-"), status.phrase)
-    return _respond(kind, status.description or status.phrase, dict(error.headers or {}))
+    return _respond(kind, status.description or status.phrase, headers)
+
+
+def _allowed(request: Request) -> str:
+    """All methods of the path; the router names those of one route of it only."""
+    path = request.url.path
+    methods = [
+        route.methods or set()
+        for route in iter_route_contexts(request.app.routes)
+        if route.path_regex.fullmatch(path)
+    ]
+    return ", ".join(sorted(set().union(*methods)))
 
 
 def _unexpected(request: Request, error: Exception) -> ProblemResponse:
     log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
-    return _respond(INTERNAL, "The error was logged; the request can be sent again.")
+    answer = _respond(INTERNAL, "The error was logged; the request can be sent again.")
+    protect(answer.headers, request.scope)  # it is made outside of the middleware that does so
+    return answer

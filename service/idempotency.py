@@ -12,14 +12,18 @@ class KeysInFlight:
     """Belongs to one event loop; the keys of answered requests are in the store."""
 
     def __init__(self) -> None:
-        self._keys: set[str] = set()
+        self._keys: set[tuple[str, str]] = set()
 
     @contextmanager
-    def hold(self, key: str | None) -> Iterator[None]:
-        """Keep the key while its request is under way; IdempotencyInFlightError when it is kept."""
-        if key is None:
+    def hold(self, tenant: str, word: str | None) -> Iterator[None]:
+        """Keep the tenant's key while its request is under way.
+
+        IdempotencyInFlightError when it is kept already.
+        """
+        if word is None:
             yield
             return
+        key = (tenant, word)
         if key in self._keys:
             raise IdempotencyInFlightError(
                 "The first request under this Idempotency-Key is under way; ask again later.",

@@ -59,7 +59,10 @@ def configure_logs(level: str) -> None:
             "root": {"level": level, "handlers": ["stderr"]},
             "loggers": {
                 "uvicorn.access": {"level": "WARNING"},
+                # these tell of addresses, headers and bodies
                 "httpx": {"level": "WARNING"},
+                "httpcore": {"level": "WARNING"},
+                "python_multipart": {"level": "WARNING"},
             },
         }
     )

@@ -53,6 +53,8 @@ def _description(app: FastAPI) -> dict[str, Any]:
         for operation in operations.values():
             operation["responses"].pop("422", None)
             operation["responses"]["default"] = _problem_response()
+            if "security" in operation:
+                operation["security"].append({})  # a service without keys asks for none
     return schema
 
 

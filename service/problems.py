@@ -46,6 +46,18 @@ class BodyTooLargeError(ServiceError):
     """The body exceeds MPE_MAX_BODY_BYTES."""
 
 
+class UnauthorizedError(ServiceError):
+    """No key was given where one is needed, or one that is not valid."""
+
+
+class RateLimitedError(ServiceError):
+    """The key was used more often than it may."""
+
+
+class QuotaExceededError(ServiceError):
+    """The tenant has as much waiting or stored as it may."""
+
+
 class UnknownRegistrationError(ServiceError):
     """No registration has this id, or it was removed."""
 
@@ -137,6 +149,7 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     UnsupportedContentTypeError: ProblemType(
         415, "unsupported-content-type", "The content type is not supported"
     ),
+    UnauthorizedError: ProblemType(401, "unauthorized", "A valid key is needed"),
     NotAcceptableError: ProblemType(406, "not-acceptable", "None of the accepted formats exists"),
     BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
     UnknownRegistrationError: ProblemType(
@@ -150,6 +163,8 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     AddressRefusedError: ProblemType(403, "address-refused", "The URL may not be called"),
     FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),
     QueueFullError: ProblemType(429, "queue-full", "The queue is full"),
+    RateLimitedError: ProblemType(429, "rate-limited", "Too many requests"),
+    QuotaExceededError: ProblemType(429, "quota-exceeded", "The tenant's share is used up"),
     IdempotencyMismatchError: ProblemType(
         422, "idempotency-mismatch", "The Idempotency-Key belongs to another request"
     ),

@@ -103,7 +103,34 @@ class Settings(BaseSettings):
     url_timeout_s: float = Field(
         default=60, gt=0, description="Seconds within which a cloud must have been fetched."
     )
-
+    require_keys: bool = Field(
+        default=False, description="Whether callers need a key even before the first was made."
+    )
+    allow_open: bool = Field(
+        default=False,
+        description="Whether to serve at an address that others can reach while there is no key.",
+    )
+    key_requests_per_s: float = Field(
+        default=50,
+        ge=0,
+        description="Requests a second with one key, if it has no number of its own; 0: any. "
+        "More are answered 429.",
+    )
+    key_queue_limit: int = Field(
+        default=200,
+        ge=0,
+        description="Registrations of one tenant that may wait, likewise.",
+    )
+    key_stored_bytes: int = Field(
+        default=20 * 1024 * MEBIBYTE,
+        ge=0,
+        description="Bytes that may be kept for one tenant, likewise.",
+    )
+    cors_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Origins, comma-separated, whose pages may call (https://lab.example.org); "
+        "`*`: all; empty: none.",
+    )
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
         default="INFO", description="Least level of what is logged."
     )
@@ -123,9 +150,9 @@ class Settings(BaseSettings):
     )
     webhook_tries: int = Field(default=12, ge=1, description="Most tries of one callback.")
 
-    @field_validator("url_hosts", "webhook_hosts", mode="before")
+    @field_validator("url_hosts", "webhook_hosts", "cors_origins", mode="before")
     @classmethod
-    def _split_hosts(cls, value: object) -> object:
+    def _split(cls, value: object) -> object:
         if isinstance(value, str):
             return tuple(host.strip().lower() for host in value.split(",") if host.strip())
         return value

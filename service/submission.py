@@ -40,15 +40,16 @@ class Submission:
         return fingerprint([asdict(self.source), asdict(self.target), said])
 
 
-async def read_submission(request: Request, service: Service) -> Submission:
+async def read_submission(request: Request, service: Service, tenant: str) -> Submission:
     """Read and check the body; files are on disk afterwards, nothing is decoded."""
     content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if content_type == "multipart/form-data":
         limit = service.settings.max_body_bytes
         form = await read_multipart(request, service.blobs, limit)
-        submission = await run_in_threadpool(_from_form, form, service)
+        submission = await run_in_threadpool(_from_form, form, service, tenant)
     elif content_type == "application/json":
-        submission = await run_in_threadpool(_from_json, await read_text(request), service)
+        text = await read_text(request)
+        submission = await run_in_threadpool(_from_json, text, service, tenant)
     else:
         raise UnsupportedContentTypeError(
             "Send multipart/form-data with the files source and target, or application/json with "
@@ -61,7 +62,7 @@ async def read_submission(request: Request, service: Service) -> Submission:
     return submission
 
 
-def _from_form(form: dict[str, Blob | str], service: Service) -> Submission:
+def _from_form(form: dict[str, Blob | str], service: Service, tenant: str) -> Submission:
     files = {role: form.pop(role, None) for role in CLOUDS}
     fields: dict[str, Any] = {}
     for name, text in form.items():
@@ -73,28 +74,30 @@ def _from_form(form: dict[str, Blob | str], service: Service) -> Submission:
     except ValidationError as error:
         raise invalid_request(error) from None
     clouds = {
-        role: _cloud(role, file, getattr(parameters.reading, role), service)
+        role: _cloud(role, file, getattr(parameters.reading, role), service, tenant)
         for role, file in files.items()
     }
     return Submission(**clouds, parameters=parameters)
 
 
-def _cloud(role: str, field: Blob | str | None, reading: Reading, service: Service) -> CloudInput:
+def _cloud(
+    role: str, field: Blob | str | None, reading: Reading, service: Service, tenant: str
+) -> CloudInput:
     """An uploaded file, or a reference in its place."""
     if isinstance(field, Blob):
-        if reading.format is None:
-            recognised(role, field, service.blobs)
+        recognised(role, field, service.blobs, reading.format)
         return _read_as(reading, CloudInput(sha256=field.sha256, size=field.size))
     if field is None:
         raise InvalidRequestError(f"{role}: expected a file; send it as -F {role}=@scan.ply.")
     try:
-        return _read_as(reading, _referred(CloudReference.model_validate_json(field), service))
+        reference = CloudReference.model_validate_json(field)
+        return _read_as(reading, _referred(reference, service, tenant))
     except ValidationError as error:
         raise invalid_request(error, role) from None
 
 
 def _read_as(reading: Reading, cloud: CloudInput) -> CloudInput:
-    return replace(cloud, reading=reading.model_dump(exclude_none=True))
+    return replace(cloud, reading=cloud.reading | reading.model_dump(exclude_none=True))
 
 
 def _parsed(name: str, text: str) -> Any:
@@ -107,7 +110,7 @@ def _parsed(name: str, text: str) -> Any:
         raise InvalidRequestError(f"{where}: expected JSON.") from None
 
 
-def _from_json(body: bytes, service: Service) -> Submission:
+def _from_json(body: bytes, service: Service, tenant: str) -> Submission:
     try:
         wanted = RegistrationRequest.model_validate_json(body)
     except ValidationError as error:
@@ -115,15 +118,15 @@ def _from_json(body: bytes, service: Service) -> Submission:
             raise MalformedBodyError("The body is not JSON.") from None
         raise invalid_request(error) from None
     return Submission(
-        source=_read_as(wanted.reading.source, _referred(wanted.source, service)),
-        target=_read_as(wanted.reading.target, _referred(wanted.target, service)),
+        source=_read_as(wanted.reading.source, _referred(wanted.source, service, tenant)),
+        target=_read_as(wanted.reading.target, _referred(wanted.target, service, tenant)),
         parameters=wanted,
     )
 
 
-def _referred(reference: CloudReference, service: Service) -> CloudInput:
+def _referred(reference: CloudReference, service: Service, tenant: str) -> CloudInput:
     if reference.cloud is not None:
-        return service.clouds.use(reference.cloud)
+        return service.clouds.use(tenant, reference.cloud)
     url = str(reference.url)
     check_address(url, service.settings.url_hosts, "MPE_URL_HOSTS")
     return CloudInput(url=url)

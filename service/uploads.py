@@ -22,11 +22,14 @@ class Upload:
     """An upload; times in seconds since the epoch, UTC."""
 
     id: str
+    tenant: str
     length: int
     """Bytes of the whole file."""
     is_complete: bool
     """Whether it has become a cloud."""
     expires_at: float
+    format: str | None
+    """As declared by the caller."""
 
 
 class UploadStore:
@@ -39,18 +42,19 @@ class UploadStore:
         self._busy: set[str] = set()
         directory.mkdir(exist_ok=True)
 
-    def create(self, length: int) -> Upload:
-        """Begin an upload of this many bytes."""
-        upload = Upload(str(uuid4()), length, False, time.time() + self._retention_s)
+    def create(self, tenant: str, length: int, declared: str | None = None) -> Upload:
+        """Begin a tenant's upload of this many bytes."""
+        expires_at = time.time() + self._retention_s
+        upload = Upload(str(uuid4()), tenant, length, False, expires_at, declared)
         self.path(upload).touch()
         with self._database.write() as connection:
             connection.execute(insert(uploads).values(**asdict(upload)))
         return upload
 
-    def get(self, upload_id: str) -> Upload:
-        """The upload; UnknownUploadError when there is none."""
+    def get(self, tenant: str, upload_id: str) -> Upload:
+        """The tenant's upload; UnknownUploadError when there is none."""
         with self._database.read() as connection:
-            query = select(uploads).where(uploads.c.id == upload_id)
+            query = select(uploads).where(uploads.c.id == upload_id, uploads.c.tenant == tenant)
             row = connection.execute(query).one_or_none()
         if row is None:
             raise UnknownUploadError("No upload has this id; it may have expired.")
@@ -87,7 +91,7 @@ class UploadStore:
         change = update(uploads).where(uploads.c.id == upload.id).values(**values)
         with self._database.write() as connection:
             connection.execute(change)
-        return self.get(upload.id)
+        return self.get(upload.tenant, upload.id)
 
     def remove(self, upload: Upload) -> None:
         """Forget it, and drop its bytes."""

@@ -109,6 +109,7 @@ def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
     return Outcome(
         result_sha256=result.sha256,
         inliers_sha256=inliers.sha256,
+        result_bytes=result.size + inliers.size,
         confidence=found.confidence,
         source=source,
         target=target,
@@ -143,7 +144,9 @@ def _decoded(role: str, cloud: CloudInput, task: Task, blobs: BlobStore) -> Deco
             decoded = read_points(path, **cloud.reading)
         else:  # it will be referred to again
             prepared = PreparedClouds(task.data_dir / "prepared")
-            decoded = prepared.decoded(cloud.sha256, lambda: read_points(path), task.scratch)
+            decoded = prepared.decoded(
+                task.tenant, cloud.sha256, lambda: read_points(path), task.scratch
+            )
     except CloudFileError as error:
         raise type(error)(f"{role}: {error}") from error
     return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))

@@ -10,7 +10,7 @@ from sqlalchemy import Connection, and_, insert, select
 from service.jobs.job import JobRow, Retention
 from service.jobs.rows import count_jobs, find_job, record_change
 from service.jobs.tables import idempotency_keys, jobs
-from service.problems import IdempotencyMismatchError, QueueFullError
+from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
 RETRY_AFTER_FULL_S = 5
 
@@ -29,20 +29,23 @@ def accept(
     idempotency: Idempotency | None,
     *,
     queue_limit: int,
+    tenant_queue_limit: int | None,
     retention: Retention,
 ) -> JobRow:
     """Insert the job, or find the one that it repeats; see JobStore.add."""
     if idempotency is not None:
-        former = _replayed(connection, idempotency)
+        former = _replayed(connection, job.tenant, idempotency)
         if former is not None:
             return former
     job = _with_known_result(connection, job, retention)
     if job.status == "queued":
         check_room(count_jobs(connection, "queued"), queue_limit)
+        if tenant_queue_limit is not None:
+            check_share(count_jobs(connection, "queued", job.tenant), tenant_queue_limit)
     connection.execute(insert(jobs).values(**asdict(job)))
     record_change(connection, job.id)
     if idempotency is not None:
-        row = {**asdict(idempotency), "job_id": job.id}
+        row = {**asdict(idempotency), "tenant": job.tenant, "job_id": job.id}
         connection.execute(insert(idempotency_keys).values(**row))
     return job
 
@@ -57,8 +60,18 @@ def check_room(waiting: int, limit: int) -> None:
         )
 
 
-def _replayed(connection: Connection, idempotency: Idempotency) -> JobRow | None:
-    known = idempotency_keys.c.key == idempotency.key
+def check_share(waiting: int, limit: int) -> None:
+    """QuotaExceededError when as many jobs of a tenant wait as may wait."""
+    if waiting >= limit:
+        raise QuotaExceededError(
+            f"{waiting} of your registrations wait already, {limit} may; try again later.",
+            headers={"Retry-After": str(RETRY_AFTER_FULL_S)},
+            members={"limit": "queue_limit", "used": waiting, "allowed": limit},
+        )
+
+
+def _replayed(connection: Connection, tenant: str, idempotency: Idempotency) -> JobRow | None:
+    known = and_(idempotency_keys.c.tenant == tenant, idempotency_keys.c.key == idempotency.key)
     former = connection.execute(select(idempotency_keys).where(known)).one_or_none()
     if former is None:
         return None
@@ -70,9 +83,13 @@ def _replayed(connection: Connection, idempotency: Idempotency) -> JobRow | None
 
 
 def _with_known_result(connection: Connection, job: JobRow, retention: Retention) -> JobRow:
-    """The job, ended with the result of the same work if that is still kept."""
+    """The job, ended with the result of the same work if that is still kept.
+
+    Of its own tenant's work: `cached` must not tell that somebody else had the same clouds.
+    """
     now = time.time()
     known = and_(
+        jobs.c.tenant == job.tenant,
         jobs.c.work_key == job.work_key,
         jobs.c.status == "succeeded",
         jobs.c.result_expires_at > now,
@@ -93,6 +110,7 @@ def _with_known_result(connection: Connection, job: JobRow, retention: Retention
         warnings=row.warnings,
         result_sha256=row.result_sha256,
         inliers_sha256=row.inliers_sha256,
+        result_bytes=row.result_bytes,
         confidence=row.confidence,
         result_expires_at=now + retention.result_s,
         expires_at=now + retention.job_s,

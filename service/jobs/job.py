@@ -39,6 +39,8 @@ class Outcome:
     """Blob: the result as the JSON text that the API serves."""
     inliers_sha256: str
     """Blob: the inlier pairs as .npy."""
+    result_bytes: int
+    """Length of the two together."""
     confidence: float
     """As in the result, in [0, 1]."""
     source: CloudInput
@@ -53,6 +55,7 @@ class JobRow:
     """A registration as the store knows it; times in seconds since the epoch, UTC."""
 
     id: str
+    tenant: str
     source: CloudInput
     target: CloudInput
     options: dict[str, Any]
@@ -70,6 +73,7 @@ class JobRow:
     error: dict[str, Any] | None = None
     result_sha256: str | None = None
     inliers_sha256: str | None = None
+    result_bytes: int | None = None
     confidence: float | None = None
     labels: dict[str, str] = field(default_factory=dict)
     priority: int = 0

@@ -15,15 +15,13 @@ Place = tuple[float, str]
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """Which jobs a list shows; None: all."""
+    """Which jobs a list shows; None: all of the tenant."""
 
+    tenant: str
     status: str | None = None
     label: tuple[str, str] | None = None
     created_after: float | None = None
     created_before: float | None = None
-
-
-EVERYTHING = Filter()
 
 
 def newest_first(only: Filter, *, before: Place | None, limit: int) -> Select[Any]:
@@ -37,7 +35,7 @@ def newest_first(only: Filter, *, before: Place | None, limit: int) -> Select[An
 
 
 def _conditions(only: Filter) -> list[ColumnElement[bool]]:
-    conditions: list[ColumnElement[bool]] = []
+    conditions = [jobs.c.tenant == only.tenant]
     if only.status is not None:
         conditions.append(jobs.c.status == only.status)
     if only.label is not None:

@@ -13,17 +13,20 @@ from service.formats.cloud import DecodedCloud
 
 
 class PreparedClouds:
-    """Files named by the content's hash and the release that decoded it."""
+    """Files named by the content's hash, the tenant, and the release that decoded it.
+
+    Each tenant has its own: how long decoding takes must not tell what somebody else has.
+    """
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         directory.mkdir(exist_ok=True)
 
     def decoded(
-        self, sha256: str, decode: Callable[[], DecodedCloud], scratch: Path
+        self, tenant: str, sha256: str, decode: Callable[[], DecodedCloud], scratch: Path
     ) -> DecodedCloud:
-        """The cloud as it was decoded before, or as `decode` gives it now."""
-        path = self._directory / f"{sha256}-{version('mpe')}.npz"
+        """The tenant's cloud as it was decoded before, or as `decode` gives it now."""
+        path = self._directory / f"{sha256}-{tenant}-{version('mpe')}.npz"
         if path.exists():
             with np.load(path, allow_pickle=False) as kept:
                 said = json.loads(str(kept["said"]))
@@ -35,8 +38,9 @@ class PreparedClouds:
         (scratch / path.name).replace(path)
         return cloud
 
-    def collect(self, needed: set[str]) -> None:
-        """Remove what was decoded of files that are not needed."""
+    def collect(self, needed: set[tuple[str, str]]) -> None:
+        """Remove what was decoded of files that are not needed, given as (tenant, hash)."""
+        names = {f"{sha256}-{tenant}" for tenant, sha256 in needed}
         for path in self._directory.iterdir():
-            if path.name.partition("-")[0] not in needed:
+            if path.name.rpartition("-")[0] not in names:
                 path.unlink()

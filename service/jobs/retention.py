@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
-from sqlalchemy import and_, delete, or_, select, update
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    ColumnElement,
+    and_,
+    cast,
+    delete,
+    func,
+    or_,
+    select,
+    union,
+    update,
+)
 
 from service.jobs.database import Database
 from service.jobs.job import ENDED
-from service.jobs.tables import clouds, jobs
+from service.jobs.tables import clouds, jobs, uploads
+
+_INPUTS = (jobs.c.source, jobs.c.target)
 
 
 def drop_expired(database: Database) -> None:
@@ -23,22 +38,46 @@ def drop_expired(database: Database) -> None:
         connection.execute(delete(clouds).where(clouds.c.expires_at < now))
 
 
+# while a job waits or runs, and while its result is kept
+KEEPS_FILES = or_(jobs.c.status.not_in(ENDED), jobs.c.result_sha256.is_not(None))
+
+
 def needed_blobs(database: Database) -> set[str]:
     """Hashes of the blobs that a job which waits or runs, a kept result or a cloud needs."""
-    needed = or_(jobs.c.status.not_in(ENDED), jobs.c.result_sha256.is_not(None))
-    columns = (
-        jobs.c.source["sha256"].as_string(),
-        jobs.c.target["sha256"].as_string(),
-        jobs.c.result_sha256,
-        jobs.c.inliers_sha256,
-    )
+    given = (_text(role, "sha256") for role in _INPUTS)
+    columns = (*given, jobs.c.result_sha256, jobs.c.inliers_sha256)
     with database.read() as connection:
-        rows = connection.execute(select(*columns).where(needed))
+        rows = connection.execute(select(*columns).where(KEEPS_FILES))
         used = {sha256 for row in rows for sha256 in row if sha256 is not None}
-    return used | referable_blobs(database)
+    return used | {sha256 for _, sha256 in referable_blobs(database)}
 
 
-def referable_blobs(database: Database) -> set[str]:
-    """Hashes of the blobs that a registration may refer to as clouds."""
+def referable_blobs(database: Database) -> set[tuple[str, str]]:
+    """The blobs that registrations may refer to as clouds: (tenant, hash)."""
     with database.read() as connection:
-        return set(connection.scalars(select(clouds.c.sha256)))
+        rows = connection.execute(select(clouds.c.tenant, clouds.c.sha256))
+        return {(row.tenant, row.sha256) for row in rows}
+
+
+def stored_bytes(database: Database, tenant: str) -> int:
+    """Bytes of all that is kept for the tenant: each file once, and the uploads under way."""
+    mine = and_(jobs.c.tenant == tenant, KEEPS_FILES)
+    files = union(
+        *(select(_text(role, "sha256"), _number(role, "size")).where(mine) for role in _INPUTS),
+        select(jobs.c.result_sha256, jobs.c.result_bytes).where(mine),
+        select(clouds.c.sha256, clouds.c.size).where(clouds.c.tenant == tenant),
+    ).subquery()
+    arriving = and_(uploads.c.tenant == tenant, uploads.c.is_complete.is_(False))
+    with database.read() as connection:
+        kept = connection.scalar(select(func.sum(files.c[1])))
+        coming = connection.scalar(select(func.sum(uploads.c.length)).where(arriving))
+    return int(kept or 0) + int(coming or 0)
+
+
+def _text(role: Column[Any], name: str) -> ColumnElement[str]:
+    text: ColumnElement[str] = role[name].as_string()
+    return text
+
+
+def _number(role: Column[Any], name: str) -> ColumnElement[int]:
+    return cast(_text(role, name), BigInteger)

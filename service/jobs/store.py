@@ -6,13 +6,13 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from sqlalchemy import ColumnElement, and_, delete, func, select, update
+from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, update
 
 from service.jobs.database import Database
 from service.jobs.intake import Idempotency, accept
 from service.jobs.job import ENDED, JobEvent, JobRow, Outcome, Retention
-from service.jobs.listing import EVERYTHING, Filter, Place, newest_first
-from service.jobs.rows import count_jobs, find_job, job_of, record_change
+from service.jobs.listing import Filter, Place, newest_first
+from service.jobs.rows import count_jobs, find_job, hide_signatures, job_of, record_change
 from service.jobs.tables import events, jobs
 from service.problems import DeadlineError, WorkerLostError, error_problem
 
@@ -31,7 +31,13 @@ class JobStore:
         self._queue_limit = queue_limit
         self._retention = retention
 
-    def add(self, job: JobRow, idempotency: Idempotency | None = None) -> JobRow:
+    def add(
+        self,
+        job: JobRow,
+        idempotency: Idempotency | None = None,
+        *,
+        tenant_queue_limit: int | None = None,
+    ) -> JobRow:
         """Accept a job and return it, already ended when the result of the same work is kept.
 
         The job that came first under the same idempotency key is returned instead.
@@ -42,6 +48,8 @@ class JobStore:
             Something else was asked for under the same key.
         QueueFullError
             As many jobs wait as may wait.
+        QuotaExceededError
+            As many jobs of the tenant wait as may.
         """
         with self._database.write() as connection:
             return accept(
@@ -49,6 +57,7 @@ class JobStore:
                 job,
                 idempotency,
                 queue_limit=self._queue_limit,
+                tenant_queue_limit=tenant_queue_limit,
                 retention=self._retention,
             )
 
@@ -57,9 +66,12 @@ class JobStore:
         with self._database.read() as connection:
             return find_job(connection, job_id)
 
-    def page(
-        self, *, limit: int, before: Place | None = None, only: Filter = EVERYTHING
-    ) -> list[JobRow]:
+    def find(self, tenant: str, job_id: str) -> JobRow | None:
+        """The tenant's job, or None."""
+        with self._database.read() as connection:
+            return find_job(connection, job_id, tenant)
+
+    def page(self, *, limit: int, only: Filter, before: Place | None = None) -> list[JobRow]:
         """Up to `limit` jobs, newest first, from the place where the page before ended."""
         with self._database.read() as connection:
             rows = connection.execute(newest_first(only, before=before, limit=limit))
@@ -76,10 +88,10 @@ class JobStore:
             rows = [dict(row._mapping) for row in connection.execute(query)]
         return [JobEvent(**{k: v for k, v in row.items() if k != "job_id"}) for row in rows]
 
-    def count(self, status: str) -> int:
-        """Number of jobs of this status."""
+    def count(self, status: str, tenant: str | None = None) -> int:
+        """Number of jobs of this status; of this tenant, if one is named."""
         with self._database.read() as connection:
-            return count_jobs(connection, status)
+            return count_jobs(connection, status, tenant)
 
     def waiting_since(self) -> float | None:
         """When the oldest waiting job was accepted; None when none waits."""
@@ -179,24 +191,35 @@ class JobStore:
 
     def _end(self, which: ColumnElement[bool], job_id: str, **values: Any) -> bool:
         now = time.time()
-        return self._change(
-            which,
-            job_id,
-            finished_at=now,
-            lease_until=None,
-            stage="finished",
-            fraction=1.0,
-            result_expires_at=now + self._retention.result_s,
-            expires_at=now + self._retention.job_s,
-            **values,
-        )
+        with self._database.write() as connection:
+            ended = _changed(
+                connection,
+                which,
+                job_id,
+                finished_at=now,
+                lease_until=None,
+                stage="finished",
+                fraction=1.0,
+                result_expires_at=now + self._retention.result_s,
+                expires_at=now + self._retention.job_s,
+                **values,
+            )
+            if ended:
+                hide_signatures(connection, job_id)
+        return ended
 
     def _change(self, which: ColumnElement[bool], job_id: str, **values: Any) -> bool:
         with self._database.write() as connection:
-            changed = connection.execute(update(jobs).where(which).values(**values)).rowcount == 1
-            if changed:
-                record_change(connection, job_id)
-        return changed
+            return _changed(connection, which, job_id, **values)
+
+
+def _changed(
+    connection: Connection, which: ColumnElement[bool], job_id: str, **values: Any
+) -> bool:
+    changed = connection.execute(update(jobs).where(which).values(**values)).rowcount == 1
+    if changed:
+        record_change(connection, job_id)
+    return changed
 
 
 _WAITING = {"status": "queued", "lease_until": None, "stage": "queued", "fraction": 0.0}

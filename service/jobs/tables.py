@@ -18,10 +18,27 @@ from sqlalchemy import (
 
 metadata = MetaData()
 
+# who may call; a key that was revoked stays, so that a service with keys never opens again
+api_keys = Table(
+    "api_keys",
+    metadata,
+    Column("id", String, primary_key=True),
+    Column("tenant", String, nullable=False),
+    Column("name", String, nullable=False),
+    Column("secret_sha256", String, nullable=False),
+    Column("created_at", Float, nullable=False),
+    Column("revoked_at", Float),
+    # limits of this key; null: those of the settings
+    Column("requests_per_s", Float),
+    Column("queue_limit", Integer),
+    Column("stored_bytes", BigInteger),
+)
+
 jobs = Table(
     "jobs",
     metadata,
     Column("id", String, primary_key=True),
+    Column("tenant", String, nullable=False),
     Column("status", String, nullable=False),
     # times: seconds since the epoch, UTC
     Column("created_at", Float, nullable=False),
@@ -42,6 +59,8 @@ jobs = Table(
     Column("error", JSON),
     Column("result_sha256", String),
     Column("inliers_sha256", String),
+    # of the two together
+    Column("result_bytes", BigInteger),
     Column("confidence", Float),
     Column("labels", JSON, nullable=False),
     # the highest goes first
@@ -55,7 +74,7 @@ jobs = Table(
     Column("result_expires_at", Float),
     Column("expires_at", Float),
 )
-Index("jobs_by_age", jobs.c.created_at, jobs.c.id)
+Index("jobs_by_age", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("jobs_waiting", jobs.c.status, jobs.c.priority, jobs.c.created_at)
 Index("jobs_by_work", jobs.c.work_key)
 
@@ -89,6 +108,7 @@ Index("deliveries_by_job", deliveries.c.job_id)
 idempotency_keys = Table(
     "idempotency_keys",
     metadata,
+    Column("tenant", String, primary_key=True),
     Column("key", String, primary_key=True),
     # hash of the request that came with the key first
     Column("fingerprint", String, nullable=False),
@@ -100,21 +120,27 @@ Index("idempotency_by_job", idempotency_keys.c.job_id)
 clouds = Table(
     "clouds",
     metadata,
+    Column("tenant", String, primary_key=True),
     Column("id", String, primary_key=True),
     Column("sha256", String, nullable=False),
     Column("size", BigInteger, nullable=False),
     Column("format", String, nullable=False),
+    # whether the caller said so; else the content did
+    Column("declared", Boolean, nullable=False),
     Column("created_at", Float, nullable=False),
     Column("expires_at", Float, nullable=False),
 )
-Index("clouds_by_age", clouds.c.created_at, clouds.c.id)
+Index("clouds_by_age", clouds.c.tenant, clouds.c.created_at, clouds.c.id)
 
 # uploads in pieces; how far one is, is the length of its file
 uploads = Table(
     "uploads",
     metadata,
     Column("id", String, primary_key=True),
+    Column("tenant", String, nullable=False),
     Column("length", BigInteger, nullable=False),
     Column("is_complete", Boolean, nullable=False),
     Column("expires_at", Float, nullable=False),
+    # as declared by the caller
+    Column("format", String),
 )

@@ -17,6 +17,7 @@ class Task:
     """All that one attempt needs to know."""
 
     job_id: str
+    tenant: str
     source: CloudInput
     target: CloudInput
     options: dict[str, Any]

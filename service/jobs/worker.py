@@ -136,6 +136,7 @@ class Worker:
         cpu_s = int(settings.threads * settings.job_timeout_s) + 10
         return Task(
             job_id=job.id,
+            tenant=job.tenant,
             source=job.source,
             target=job.target,
             options=job.options,

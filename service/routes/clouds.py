@@ -10,7 +10,7 @@ from fastapi import APIRouter, Path, Query, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.clouds import StoredCloud
-from service.dependencies import CurrentService, RawBody
+from service.dependencies import CurrentCaller, CurrentService, DeclaredFormat, RawBody
 from service.documents import decode_cursor, encode_cursor
 from service.schemas import Cloud, CloudPage
 
@@ -32,9 +32,16 @@ _FILE: dict[str, Any] = {
     status_code=201,
     openapi_extra=_FILE,
 )
-async def create(blob: RawBody, service: CurrentService, response: Response) -> Cloud:
+async def create(
+    blob: RawBody,
+    service: CurrentService,
+    caller: CurrentCaller,
+    response: Response,
+    format: DeclaredFormat = None,
+) -> Cloud:
     """The body is the file itself; the answer names the id to refer to it by."""
-    cloud = await run_in_threadpool(service.clouds.put, str(uuid4()), blob)
+    put = service.clouds.put
+    cloud = await run_in_threadpool(put, caller.tenant, str(uuid4()), blob, format)
     response.headers["Location"] = f"{router.prefix}/{cloud.id}"
     return _document(cloud)
 
@@ -45,14 +52,22 @@ async def create(blob: RawBody, service: CurrentService, response: Response) -> 
     summary="Store a cloud under an id of the caller's own",
     openapi_extra=_FILE,
 )
-async def put(cloud_id: CloudId, blob: RawBody, service: CurrentService) -> Cloud:
+async def put(
+    cloud_id: CloudId,
+    blob: RawBody,
+    service: CurrentService,
+    caller: CurrentCaller,
+    format: DeclaredFormat = None,
+) -> Cloud:
     """The body is the file itself; it takes the place of a former cloud of this id."""
-    return _document(await run_in_threadpool(service.clouds.put, cloud_id, blob))
+    stored = await run_in_threadpool(service.clouds.put, caller.tenant, cloud_id, blob, format)
+    return _document(stored)
 
 
 @router.get("", operation_id="listClouds", summary="List clouds, newest first")
 def list_page(
     service: CurrentService,
+    caller: CurrentCaller,
     limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
     cursor: Annotated[
         str | None, Query(max_length=200, description="next_cursor of the page before.")
@@ -60,21 +75,21 @@ def list_page(
 ) -> CloudPage:
     """Follow `next_cursor` until it is null."""
     before = None if cursor is None else decode_cursor(cursor)
-    found = service.clouds.page(limit=limit + 1, before=before)
+    found = service.clouds.page(caller.tenant, limit=limit + 1, before=before)
     more = encode_cursor(found[limit - 1]) if len(found) > limit else None
     return CloudPage(items=[_document(cloud) for cloud in found[:limit]], next_cursor=more)
 
 
 @router.get("/{cloud_id}", operation_id="getCloud", summary="Look at a cloud")
-def get(cloud_id: CloudId, service: CurrentService) -> Cloud:
+def get(cloud_id: CloudId, service: CurrentService, caller: CurrentCaller) -> Cloud:
     """What is known of it."""
-    return _document(service.clouds.get(cloud_id))
+    return _document(service.clouds.get(caller.tenant, cloud_id))
 
 
 @router.delete("/{cloud_id}", operation_id="deleteCloud", summary="Remove a cloud", status_code=204)
-def delete(cloud_id: CloudId, service: CurrentService) -> None:
+def delete(cloud_id: CloudId, service: CurrentService, caller: CurrentCaller) -> None:
     """Registrations that were given it keep it until they have ended."""
-    service.clouds.remove(cloud_id)
+    service.clouds.remove(caller.tenant, cloud_id)
 
 
 def _document(cloud: StoredCloud) -> Cloud:

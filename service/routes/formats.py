@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 
+from service.dependencies import identify
 from service.formats import FORMATS
 from service.schemas import FormatInfo, FormatList
 
-router = APIRouter(prefix="/v1/formats", tags=["formats"])
+router = APIRouter(prefix="/v1/formats", tags=["formats"], dependencies=[Depends(identify)])
 
 
 @router.get("", operation_id="listFormats", summary="List the formats that are read")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Response
 from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
-from service.dependencies import CurrentService
+from service.dependencies import CurrentCaller, CurrentService, identify
 from service.problems import NotReadyError
-from service.schemas import Capacity, Health
+from service.schemas import Capacity, Health, Share
 
 router = APIRouter(tags=["health"])
 
@@ -32,6 +32,7 @@ def readyz(service: CurrentService) -> Health:
     operation_id="getMetrics",
     summary="Measurements for Prometheus",
     response_class=PlainTextResponse,
+    dependencies=[Depends(identify)],
 )
 def metrics(service: CurrentService) -> Response:
     """In Prometheus' text format."""
@@ -39,9 +40,9 @@ def metrics(service: CurrentService) -> Response:
 
 
 @router.get("/v1/capacity", operation_id="getCapacity", summary="How much can be taken on?")
-def capacity(service: CurrentService) -> Capacity:
-    """Workers, queue and limits as they are now."""
-    settings = service.settings
+def capacity(service: CurrentService, caller: CurrentCaller) -> Capacity:
+    """Workers, queue and limits as they are now, and the share of the caller's tenant."""
+    settings, limits = service.settings, caller.limits
     running = service.store.count("running")
     return Capacity(
         workers=settings.workers,
@@ -54,4 +55,11 @@ def capacity(service: CurrentService) -> Capacity:
         max_wait_s=settings.max_wait_s,
         job_timeout_s=settings.job_timeout_s,
         job_memory_bytes=settings.job_memory_bytes,
+        share=Share(
+            requests_per_s=limits.requests_per_s,
+            queued=service.store.count("queued", caller.tenant),
+            queue_limit=limits.queue_limit,
+            stored_bytes=service.shares.stored(caller.tenant),
+            stored_bytes_limit=limits.stored_bytes,
+        ),
     )

@@ -12,8 +12,10 @@ from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
 from service.dependencies import (
+    CurrentCaller,
     CurrentService,
     IdempotencyKey,
+    KnownJob,
     NewSubmission,
     PreferredWait,
     known,
@@ -58,6 +60,7 @@ async def create(
     key: IdempotencyKey,
     wait_s: PreferredWait,
     service: CurrentService,
+    caller: CurrentCaller,
 ) -> Response:
     """Answers 202 with the job, or with `Prefer: wait=N` 200 when it ends within N seconds.
 
@@ -65,10 +68,15 @@ async def create(
     the answer is the problem document, status 422, and `job` in it names the failed job.
     """
     idempotency = None if key is None else Idempotency(key, submission.fingerprint())
-    job = await run_in_threadpool(service.store.add, _new_job(submission), idempotency)
+    job = await run_in_threadpool(
+        service.store.add,
+        _new_job(submission, caller.tenant),
+        idempotency,
+        tenant_queue_limit=caller.limits.queue_limit,
+    )
     service.queue.notify()
     if wait_s is not None:
-        job = await settled(service, job.id, wait_s) or job
+        job = await settled(service, caller.tenant, job.id, wait_s) or job
     return await run_in_threadpool(_accepted, job, wait_s, service)
 
 
@@ -80,6 +88,7 @@ async def create(
 )
 def list_page(
     service: CurrentService,
+    caller: CurrentCaller,
     limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
     cursor: Annotated[
         str | None, Query(max_length=200, description="next_cursor of the page before.")
@@ -94,6 +103,7 @@ def list_page(
 ) -> JobPage:
     """Jobs without their results; follow `next_cursor` until it is null."""
     only = Filter(
+        caller.tenant,
         status=status,
         label=None if label is None else _split(label),
         created_after=_seconds(created_after),
@@ -111,9 +121,11 @@ def list_page(
     summary="Look at a registration",
     response_model=Job,
 )
-async def get(job_id: str, wait_s: PreferredWait, service: CurrentService) -> Response:
+async def get(
+    job_id: str, wait_s: PreferredWait, service: CurrentService, caller: CurrentCaller
+) -> Response:
     """The job as it is now, or with `Prefer: wait=N` as soon as it has ended."""
-    job = known(await settled(service, job_id, wait_s or 0.0))
+    job = known(await settled(service, caller.tenant, job_id, wait_s or 0.0))
     headers = _applied(wait_s)
     if not is_terminal(job.status):
         headers["Retry-After"] = str(RETRY_AFTER_S)
@@ -129,23 +141,24 @@ async def get(job_id: str, wait_s: PreferredWait, service: CurrentService) -> Re
     response_model=Job,
     responses={204: {"description": "It had ended, and is removed.", "model": None}},
 )
-def delete(job_id: str, service: CurrentService) -> Response:
+def delete(job: KnownJob, service: CurrentService) -> Response:
     """Cancels what waits or runs (200 with the job); removes what has ended (204)."""
-    if service.store.cancel(job_id):
-        service.queue.kill(job_id)
-        service.changes.announce(job_id)
-        body = document(known(service.store.get(job_id)), service.blobs)
+    if service.store.cancel(job.id):
+        service.queue.kill(job.id)
+        service.changes.announce(job.id)
+        body = document(known(service.store.get(job.id)), service.blobs)
         return Response(body, media_type="application/json")
-    if not service.store.remove(job_id):
+    if not service.store.remove(job.id):
         known(None)
     return Response(status_code=204)
 
 
-def _new_job(submission: Submission) -> JobRow:
+def _new_job(submission: Submission, tenant: str) -> JobRow:
     wanted, now = submission.parameters, time.time()
     options = wanted.options.model_dump()
     return JobRow(
         id=str(uuid4()),
+        tenant=tenant,
         source=submission.source,
         target=submission.target,
         options=options,

@@ -20,8 +20,8 @@ from service.schemas.registration import (
     Try,
 )
 from service.schemas.requests import (
-    FORMAT_NAMES,
     CloudReference,
+    FormatName,
     Labels,
     Reading,
     Readings,
@@ -42,10 +42,10 @@ from service.schemas.service import (
     FormatInfo,
     FormatList,
     Health,
+    Share,
 )
 
 __all__ = [
-    "FORMAT_NAMES",
     "INLINE_PAIRS",
     "Capacity",
     "Cloud",
@@ -58,6 +58,7 @@ __all__ = [
     "Event",
     "FormatInfo",
     "FormatList",
+    "FormatName",
     "Health",
     "InlierList",
     "InlierSummary",
@@ -73,6 +74,7 @@ __all__ = [
     "RegistrationRequest",
     "Result",
     "Rotation",
+    "Share",
     "Stage",
     "Timing",
     "Try",

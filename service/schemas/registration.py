@@ -81,7 +81,10 @@ class CloudInfo(Document):
 
     sha256: str | None = Field(description="Hash of the file, once the service has it.")
     size: int | None = Field(description="Length of the file in bytes, once the service has it.")
-    url: str | None = Field(description="Address that it is fetched from, if any.")
+    url: str | None = Field(
+        description="Address that it is fetched from, if any; without its query, which may hold a "
+        "signature."
+    )
     cloud: str | None = Field(description="Id of the stored cloud that it is, if any.")
     reading: dict[str, Any] = Field(description="How it is read, as far as that was said.")
 
@@ -118,7 +121,9 @@ class JobSummary(Document):
     labels: dict[str, str] = Field(description="As the caller gave them.")
     priority: int = Field(description="As the caller gave it.")
     deadline_at: datetime | None = Field(description="When it is given up (UTC).")
-    callback_url: str | None = Field(description="As the caller gave it.")
+    callback_url: str | None = Field(
+        description="As the caller gave it, without its query: that may hold a secret."
+    )
     cached: bool = Field(description="Whether the result is that of the same work done before.")
     result_expires_at: datetime | None = Field(
         description="When result and clouds are dropped (UTC); known once it has ended."

@@ -16,6 +16,17 @@ Labels = Annotated[
 ]
 
 
+def _known_format(name: str) -> str:
+    if name not in FORMAT_NAMES:
+        raise ValueError(f"expected one of {', '.join(FORMAT_NAMES)}")
+    return name
+
+
+FormatName = Annotated[
+    str, AfterValidator(_known_format), Field(json_schema_extra={"enum": list(FORMAT_NAMES)})
+]
+
+
 class CloudReference(StrictModel):
     """A cloud that the service has or fetches: either `cloud` or `url`."""
 
@@ -33,20 +44,13 @@ class CloudReference(StrictModel):
         return self
 
 
-def _known_format(name: str) -> str:
-    if name not in FORMAT_NAMES:
-        raise ValueError(f"expected one of {', '.join(FORMAT_NAMES)}")
-    return name
-
-
 class Reading(StrictModel):
     """How to read a file, where its content does not tell."""
 
-    format: Annotated[str, AfterValidator(_known_format)] | None = Field(
+    format: FormatName | None = Field(
         default=None,
         description="Name of its format, one of GET /v1/formats; null: by its content. Only "
         "`kitti`, which has no header, needs it.",
-        json_schema_extra={"enum": [*FORMAT_NAMES, None]},
     )
     scan: int | None = Field(
         default=None,

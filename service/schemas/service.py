@@ -44,6 +44,16 @@ class FormatList(Document):
     items: list[FormatInfo]
 
 
+class Share(Document):
+    """What the caller's tenant uses and may use; null: no limit."""
+
+    requests_per_s: float | None = Field(description="Requests with this key, per second.")
+    queued: int = Field(description="Its registrations that wait; a count.")
+    queue_limit: int | None = Field(description="Its registrations that may wait; a count.")
+    stored_bytes: int = Field(description="What is kept for it, in bytes.")
+    stored_bytes_limit: int | None = Field(description="What may be kept for it, in bytes.")
+
+
 class Capacity(Document):
     """What the service can take on."""
 
@@ -57,6 +67,7 @@ class Capacity(Document):
     max_wait_s: float = Field(description="Longest wait that is granted, in seconds.")
     job_timeout_s: float = Field(description="Longest run of one attempt, in seconds.")
     job_memory_bytes: int = Field(description="Memory that one attempt may take, in bytes.")
+    share: Share
 
 
 class Health(Document):

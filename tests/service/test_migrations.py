@@ -119,6 +119,8 @@ def test_an_upgraded_store_works(url: str, engine: Engine) -> None:
     assert done is not None
     assert (done.status, done.labels, done.result_sha256) == ("succeeded", {"part": "door"}, "r")
     assert done.source.size == 3_000_000_000
+    assert store.find("default", "done") == done
+    assert store.find("lab", "done") is None
     claimed = store.claim(lease_s=30)
     assert claimed is not None
     assert (claimed.id, claimed.attempt) == ("waits", 2)

@@ -19,7 +19,7 @@ from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore
 from service.problems import IdempotencyMismatchError, QueueFullError
 
 CLOUD = CloudInput(sha256="ab", size=1)
-OUTCOME = Outcome("result", "inliers", 0.9, CLOUD, CLOUD, {"search_s": 1.0}, ["odd"])
+OUTCOME = Outcome("result", "inliers", 100, 0.9, CLOUD, CLOUD, {"search_s": 1.0}, ["odd"])
 LEASE_S = 30.0
 
 
@@ -44,7 +44,7 @@ def store(database: Database) -> JobStore:
 
 
 def new_job(**values: Any) -> JobRow:
-    given = {"options": {"seed": 1}, "created_at": time.time()} | values
+    given = {"options": {"seed": 1}, "created_at": time.time(), "tenant": "lab"} | values
     return JobRow(id=str(uuid4()), source=CLOUD, target=CLOUD, **given)
 
 
@@ -160,10 +160,10 @@ def test_pages_cover_jobs_of_the_same_instant(store: JobStore) -> None:
     for _ in range(7):
         add(store, created_at=moment)
     seen: list[str] = []
-    page = store.page(limit=3)
+    page = store.page(limit=3, only=Filter("lab"))
     while page:
         seen += [job.id for job in page]
-        page = store.page(limit=3, before=(page[-1].created_at, page[-1].id))
+        page = store.page(limit=3, only=Filter("lab"), before=(page[-1].created_at, page[-1].id))
     assert len(seen) == len(set(seen)) == 7
 
 
@@ -172,13 +172,15 @@ def test_list_is_filtered(store: JobStore) -> None:
     add(store, labels={"part": "door"})
     wanted = add(store, labels={"part": "wing", "shift": "2"})
     claimed(store)
-    assert [job.id for job in store.page(limit=9, only=Filter(status="queued"))] == [wanted.id]
-    assert [job.id for job in store.page(limit=9, only=Filter(label=("part", "wing")))] == [
+    assert [job.id for job in store.page(limit=9, only=Filter("lab", status="queued"))] == [
         wanted.id
     ]
-    assert store.page(limit=9, only=Filter(label=("part", "roof"))) == []
-    assert len(store.page(limit=9, only=Filter(created_after=start))) == 2
-    assert store.page(limit=9, only=Filter(created_before=start)) == []
+    assert [job.id for job in store.page(limit=9, only=Filter("lab", label=("part", "wing")))] == [
+        wanted.id
+    ]
+    assert store.page(limit=9, only=Filter("lab", label=("part", "roof"))) == []
+    assert len(store.page(limit=9, only=Filter("lab", created_after=start))) == 2
+    assert store.page(limit=9, only=Filter("lab", created_before=start)) == []
 
 
 def test_highest_priority_goes_first(store: JobStore) -> None:
