@@ -1,4 +1,4 @@
-"""Command line: `mpe align` without a server, `mpe serve`."""
+"""Command line: `mpe align` without a server, `mpe serve`, `mpe keys`."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from service.formats import (
 from service.moved import moved
 from service.options import Options
 from service.schemas import Reading
+from service.settings import Settings
 
 CLOUDS = ("source", "target")
 WORKED, FAILED, MISUSED = 0, 1, 2
@@ -31,7 +32,7 @@ WORKED, FAILED, MISUSED = 0, 1, 2
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; 0 when it worked, 1 when an input is at fault, 2 when the call is."""
     given = _parser().parse_args(arguments)
-    return _serve(given) if given.command == "serve" else _align(given)
+    return {"align": _align, "serve": _serve, "keys": _manage_keys}[given.command](given)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -53,7 +54,28 @@ def _parser() -> argparse.ArgumentParser:
     serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
+    _add_keys(commands)
     return parser
+
+
+def _add_keys(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The command `keys` with its three actions."""
+    keys = commands.add_parser("keys", help="create, list and revoke API keys")
+    actions = keys.add_subparsers(dest="action", required=True, metavar="ACTION")
+    create = actions.add_parser("create", help="make a key, and print it: it is shown only now")
+    create.add_argument("--tenant", required=True, help="whose key it is; made by being named")
+    create.add_argument("--name", default="", help="a word to know the key by in the list")
+    own = create.add_argument_group("limits of this key; 0: none; default: the MPE_KEY_ settings")
+    own.add_argument("--requests-per-s", type=_at_least_0, metavar="NUMBER", help="requests")
+    own.add_argument(
+        "--queue-limit", type=_count, metavar="COUNT", help="registrations of the tenant that wait"
+    )
+    own.add_argument(
+        "--stored-bytes", type=_count, metavar="BYTES", help="bytes that are kept for the tenant"
+    )
+    actions.add_parser("list", help="list all keys, without their secrets")
+    revoke = actions.add_parser("revoke", help="put a key out of force, within a second")
+    revoke.add_argument("id", help="its id, as `mpe keys list` shows it")
 
 
 def _add_reading(parser: argparse.ArgumentParser) -> None:
@@ -86,6 +108,20 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
             metavar=None if words else kinds[0].__name__.upper(),
             help=description,
         )
+
+
+def _at_least_0(text: str) -> float:
+    number = float(text)
+    if not 0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError("expected a number, 0 or more")
+    return number
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if not 0 <= number < 2**63:
+        raise argparse.ArgumentTypeError("expected a whole number, 0 or more")
+    return number
 
 
 def _align(given: argparse.Namespace) -> int:
@@ -154,19 +190,40 @@ time        {found.timing["total"]:.2f} s"""
 
 
 def _serve(given: argparse.Namespace) -> int:
-    from service.main import serve
-    from service.settings import Settings
+    from service.binding import OpenToStrangersError
+    from service.main import serve  # loads the service, which `mpe align` does without
 
+    if (wrong := _wrong_settings()) is not None:
+        return _complain(wrong, MISUSED)
+    try:
+        serve(given.host, given.port)
+    except OpenToStrangersError as error:
+        return _complain(str(error), MISUSED)
+    return WORKED
+
+
+def _manage_keys(given: argparse.Namespace) -> int:
+    from service import key_commands
+
+    if (wrong := _wrong_settings()) is not None:
+        return _complain(wrong, MISUSED)
+    try:
+        key_commands.run(given)
+    except (ValueError, RuntimeError, OSError) as error:
+        return _complain(str(error), FAILED)
+    return WORKED
+
+
+def _wrong_settings() -> str | None:
+    """What is wrong with the MPE_ variables."""
     try:
         Settings()
     except ValidationError as error:
-        reasons = "; ".join(
+        return "; ".join(
             f"{'MPE_' + str(item['loc'][0]).upper() + ': ' if item['loc'] else ''}{item['msg']}"
             for item in error.errors()
         )
-        return _complain(reasons, MISUSED)
-    serve(given.host, given.port)
-    return WORKED
+    return None
 
 
 def _complain(message: str, code: int) -> int:

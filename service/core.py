@@ -12,7 +12,7 @@ from service.clouds import CloudStore
 from service.gate import Gate
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
-from service.jobs.database import Database
+from service.jobs.database import Database, open_database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.job import Retention
 from service.jobs.queue import Queue
@@ -72,7 +72,7 @@ def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
 
 def _assemble(settings: Settings, metrics: Metrics) -> Service:
     blobs = BlobStore(settings.data_dir)
-    database = Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
+    database = open_database(settings)
     retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
     store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
     changes = Changes()

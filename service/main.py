@@ -9,6 +9,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from service.app import create_app
+from service.binding import check_binding
 from service.core import Service
 from service.logs import configure_logs
 from service.settings import Settings
@@ -41,8 +42,12 @@ class DrainingServer(uvicorn.Server):
 
 
 def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
-    """Serve until SIGTERM or SIGINT; the settings come from the MPE_ variables."""
+    """Serve until SIGTERM or SIGINT; the settings come from the MPE_ variables.
+
+    OpenToStrangersError when others could reach the address, and there are no keys.
+    """
     settings = Settings()
+    check_binding(host, settings)
     configure_logs(settings.log_level)
     app = create_app(settings)
     config = uvicorn.Config(

@@ -187,7 +187,9 @@ def _container(stage: Stage, data: Path) -> list[str]:
         exec chroot {root} setpriv --no-new-privs --bounding-set=-all --inh-caps=-all \\
             --clear-groups --reuid={uid} --regid={gid} env -i -C {stage.folder} "$@"
     """
-    pairs = [f"{name}={value}" for name, value in stage.environment.items()]
+    # its network is its own loopback, as compose.yaml publishes it to the machine's own
+    environment = stage.environment | {"MPE_ALLOW_OPEN": "true"}
+    pairs = [f"{name}={value}" for name, value in environment.items()]
     command = [*stage.entrypoint, *stage.command]
     spaces = ["--mount", "--pid", "--net", "--ipc", "--uts", "--fork", "--kill-child"]
     return ["unshare", *spaces, "sh", "-ec", script, "sh", *pairs, *command]

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import Connection, create_engine, event
 
 from service.jobs.schema import migrate
+from service.settings import Settings
 
 CONNECTIONS = 32
 """Kept open; as many again for a while. More than the threads that ask: 40, and the workers."""
@@ -19,7 +20,12 @@ class Database:
     """An SQL database at a URL: SQLite beside the blobs, or PostgreSQL; migrated when opened."""
 
     def __init__(self, url: str) -> None:
-        self._engine = create_engine(url, pool_size=CONNECTIONS, max_overflow=CONNECTIONS)
+        self._engine = create_engine(
+            url,
+            pool_size=CONNECTIONS,
+            max_overflow=CONNECTIONS,
+            hide_parameters=True,  # an error that is logged must not tell what a row holds
+        )
         if self._engine.dialect.name == "sqlite":
             event.listen(self._engine, "connect", _configure_sqlite)
             event.listen(self._engine, "begin", _begin_sqlite)
@@ -52,6 +58,11 @@ class Database:
     def close(self) -> None:
         """Give the connections back."""
         self._engine.dispose()
+
+
+def open_database(settings: Settings) -> Database:
+    """The database that the settings name."""
+    return Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
 
 
 def _configure_sqlite(connection: Any, _: object) -> None:
