@@ -42,10 +42,11 @@ class Server:
     def log(self) -> str:
         return (self.data_dir.parent / "server.log").read_text()
 
-    def start(self, *, ready: bool = True) -> None:
+    def start(self, *, ready: bool = True, host: str = "127.0.0.1") -> None:
         with (self.data_dir.parent / "server.log").open("ab") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "service.cli", "serve", "--port", str(self.port)],
+                [sys.executable, "-m", "service.cli", "serve"]
+                + ["--host", host, "--port", str(self.port)],
                 cwd=PROJECT,
                 env=self._environment,
                 stdout=log,
