@@ -41,6 +41,8 @@ class CellList:
         self._keys, self._slots, cell_of, counts = number_cells(points, self._origin, self.reach)
         self.points, self._starts, self.rows = sort_by_cell(points, cell_of, counts)
         """The cloud in cell order (M, 3), and the row of the given cloud that each came from."""
+        self.count = len(counts)
+        """How many cubes hold points."""
 
     def nearest(self, queries: Points) -> tuple[NDArray[np.int32], Points]:
         """(N,) rows of `points` nearest to queries (N, 3) and their squared distances; -1 and

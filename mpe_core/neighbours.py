@@ -33,6 +33,14 @@ class Neighbours:
 WIDE_REACH = 0.1
 """Reach in radii of the cloud from which on a k-d tree is quicker than cubes of that edge."""
 
+CROWDED, ROOMY = 24, 6
+"""Points a cube from which on a first look in smaller cubes, of that many points, pays: 10 million
+points onto 10 million, both in random order, took over 400 s without it and 30 s with."""
+
+BLOCK = 8
+"""Edge of a cube of queries over that of the cloud's. The same clouds took 54 s of CPU time with
+the queries as they came and 25 s cube by cube."""
+
 
 def nearest_rows(
     points: NDArray[np.float64], cloud: NDArray[np.float64], reach: float
@@ -42,6 +50,26 @@ def nearest_rows(
     if reach > WIDE_REACH:
         _, row = Neighbours(cloud).nearest(points, reach)
         return np.where(row < len(cloud), row, -1)
-    cells = CellList(cloud.astype(np.float32), reach * (1 + 1e-5) + 1e-7)
-    row32, _ = cells.nearest(points.astype(np.float32))
-    return np.where(row32 >= 0, cells.rows[row32], -1).astype(np.int64)
+    single, queries = cloud.astype(np.float32), points.astype(np.float32)
+    edge = reach * (1 + 1e-5) + 1e-7
+    cells = CellList(single, edge)
+    crowd = len(cloud) / cells.count
+    if crowd <= CROWDED:
+        return _rows(cells, queries)
+    # on a surface the points in a cube go with the square of its edge
+    nearest = _rows(CellList(single, edge * float(np.sqrt(ROOMY / crowd))), queries)
+    alone = np.flatnonzero(nearest < 0)
+    nearest[alone] = _rows(cells, queries[alone])
+    return nearest
+
+
+def _rows(cells: CellList, queries: NDArray[np.float32]) -> NDArray[np.int64]:
+    """(N,) rows of the cloud nearest to queries (N, 3), or -1, asked cube by cube: what lies around
+    a cube stays in the processor's cache."""
+    if not len(queries):
+        return np.empty(0, np.int64)
+    order = CellList(queries, BLOCK * float(cells.reach))
+    row, _ = cells.nearest(order.points)
+    nearest = np.empty(len(queries), np.int64)
+    nearest[order.rows] = np.where(row >= 0, cells.rows[row], -1)
+    return nearest
