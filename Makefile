@@ -61,7 +61,7 @@ bench: setup  ## speed, accuracy and the peers (minutes to hours)
 paper: setup  ## the paper's tables beside ours
 	$(PY) -m benchmarks.paper
 
-fuzz: setup  ## fuzz every reader of files, FUZZ_SECONDS (300) each
+fuzz: setup  ## fuzz every reader of files and the API, FUZZ_SECONDS (300) each
 	$(PY) -m tests.fuzz $(FUZZ_SECONDS)
 
 clean:  ## remove what the other targets made

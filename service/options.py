@@ -14,6 +14,17 @@ from pydantic_core import PydanticCustomError
 
 from mpe_core.options import RegistrationOptions
 
+EXACT = 2**53
+"""Below it, a float that is whole is exactly that whole number."""
+# what mpe_core checks, said in the schema too
+BOUNDS: dict[str, dict[str, Any]] = {
+    "sample_size": {"minimum": 3},
+    "overlap": {"exclusiveMinimum": 0, "maximum": 1},
+    "inlier_threshold": {"exclusiveMinimum": 0},
+    "max_iterations": {"minimum": 1},
+    "seed": {"minimum": 0},
+}
+
 
 class StrictModel(BaseModel):
     """Input of a caller: no unknown fields, no coercion, no NaN or infinity."""
@@ -35,6 +46,20 @@ class StrictModel(BaseModel):
                     {"hint": hint or ".", "known": ", ".join(known)},
                 )
         return value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _whole_numbers(cls, value: object) -> object:
+        """JSON has one kind of number: 12.0 is the whole number 12."""
+        if not isinstance(value, dict):
+            return value
+        return {name: _whole(item) for name, item in value.items()}
+
+
+def _whole(value: object) -> object:
+    if isinstance(value, float) and value.is_integer() and abs(value) < EXACT:
+        return int(value)
+    return value
 
 
 class _CheckedOptions(StrictModel):
@@ -60,7 +85,14 @@ def _options_model() -> type[_CheckedOptions]:
     docs = _attribute_docs(RegistrationOptions)
     hints = get_type_hints(RegistrationOptions, include_extras=True)
     fields: dict[str, Any] = {
-        field.name: (hints[field.name], Field(field.default, description=docs[field.name]))
+        field.name: (
+            hints[field.name],
+            Field(
+                field.default,
+                description=docs[field.name],
+                json_schema_extra=BOUNDS.get(field.name),
+            ),
+        )
         for field in dataclasses.fields(RegistrationOptions)
     }
     return create_model(

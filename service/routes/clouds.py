@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.clouds import StoredCloud
 from service.dependencies import CurrentCaller, CurrentService, DeclaredFormat, RawBody
-from service.documents import decode_cursor, encode_cursor
+from service.documents import CURSOR, decode_cursor, encode_cursor
 from service.schemas import Cloud, CloudPage
 
 router = APIRouter(prefix="/v1/clouds", tags=["clouds"])
@@ -70,7 +70,7 @@ def list_page(
     caller: CurrentCaller,
     limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
     cursor: Annotated[
-        str | None, Query(max_length=200, description="next_cursor of the page before.")
+        str | None, Query(pattern=CURSOR, description="next_cursor of the page before.")
     ] = None,
 ) -> CloudPage:
     """Follow `next_cursor` until it is null."""

@@ -41,7 +41,7 @@ def inliers(
     format: Annotated[
         Literal["json", "npy"] | None, Query(description="Goes before the Accept header.")
     ] = None,
-    accept: Annotated[str, Header()] = "*/*",
+    accept: Annotated[str, Header(include_in_schema=False)] = "*/*",
 ) -> Response:
     """As JSON, or with `?format=npy` or `Accept: application/x-npy` as a NumPy file."""
     if job.status == "succeeded" and job.result_sha256 is None:

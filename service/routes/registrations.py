@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import time
 from datetime import UTC, datetime
 from typing import Annotated, Any
 from uuid import uuid4
 
 from fastapi import APIRouter, Query, Response
+from pydantic import BeforeValidator
 from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
@@ -20,7 +22,7 @@ from service.dependencies import (
     PreferredWait,
     known,
 )
-from service.documents import decode_cursor, document, encode_cursor, summary
+from service.documents import CURSOR, decode_cursor, document, encode_cursor, summary
 from service.errors import ProblemResponse
 from service.jobs.intake import Idempotency
 from service.jobs.job import JobRow, JobStatus, is_terminal
@@ -33,6 +35,16 @@ from service.waiting import settled
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 RETRY_AFTER_S = 1
+
+
+def _no_number(moment: str) -> str:
+    """Pydantic would take a number for seconds since the epoch."""
+    if not re.match(r"\d{4}-\d\d-\d\d[Tt ]", moment):
+        raise ValueError("expected a date and time as in 2026-01-05T09:30:00Z")
+    return moment
+
+
+Moment = Annotated[datetime, BeforeValidator(_no_number)]
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -91,15 +103,15 @@ def list_page(
     caller: CurrentCaller,
     limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
     cursor: Annotated[
-        str | None, Query(max_length=200, description="next_cursor of the page before.")
+        str | None, Query(pattern=CURSOR, description="next_cursor of the page before.")
     ] = None,
     status: Annotated[JobStatus | None, Query(description="Only those of this status.")] = None,
     label: Annotated[
         str | None,
         Query(pattern=r"^[A-Za-z0-9_.-]{1,64}:", description="Only those labelled name:value."),
     ] = None,
-    created_after: Annotated[datetime | None, Query(description="Only later ones.")] = None,
-    created_before: Annotated[datetime | None, Query(description="Only earlier ones.")] = None,
+    created_after: Annotated[Moment | None, Query(description="Only later ones.")] = None,
+    created_before: Annotated[Moment | None, Query(description="Only earlier ones.")] = None,
 ) -> JobPage:
     """Jobs without their results; follow `next_cursor` until it is null."""
     only = Filter(

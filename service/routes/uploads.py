@@ -29,7 +29,18 @@ from service.uploads import Upload
 TUS_VERSION = "1.0.0"
 EXTENSIONS = "creation,expiration,termination"
 PIECE = "application/offset+octet-stream"
-_PIECE_BODY: dict[str, Any] = {
+_TUS: dict[str, Any] = {
+    "parameters": [
+        {
+            "name": "Tus-Resumable",
+            "in": "header",
+            "required": True,
+            "description": "Version of tus that the caller speaks.",
+            "schema": {"type": "string", "enum": [TUS_VERSION]},
+        }
+    ]
+}
+_PIECE: dict[str, Any] = _TUS | {
     "requestBody": {
         "required": True,
         "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}},
@@ -37,7 +48,7 @@ _PIECE_BODY: dict[str, Any] = {
 }
 
 
-def _tus(tus_resumable: Annotated[str, Header(description="1.0.0")] = "") -> None:
+def _tus(tus_resumable: Annotated[str, Header(include_in_schema=False)] = "") -> None:
     if tus_resumable != TUS_VERSION:
         raise TusVersionError(
             f"Send Tus-Resumable: {TUS_VERSION}.", headers={"Tus-Version": TUS_VERSION}
@@ -69,6 +80,8 @@ def describe(service: CurrentService) -> Response:
     summary="Begin an upload",
     status_code=201,
     dependencies=speaks_tus,
+    openapi_extra=_TUS,
+    response_class=Response,
 )
 def create(
     service: CurrentService,
@@ -92,6 +105,8 @@ def create(
     operation_id="lookAtUpload",
     summary="How far an upload is",
     dependencies=speaks_tus,
+    openapi_extra=_TUS,
+    response_class=Response,
 )
 def look(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
     """In the headers Upload-Offset and Upload-Length."""
@@ -105,7 +120,8 @@ def look(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Resp
     summary="Send the next piece",
     status_code=204,
     dependencies=speaks_tus,
-    openapi_extra=_PIECE_BODY,
+    openapi_extra=_PIECE,
+    response_class=Response,
 )
 async def append(
     upload_id: str,
@@ -130,6 +146,8 @@ async def append(
     summary="Give an upload up",
     status_code=204,
     dependencies=speaks_tus,
+    openapi_extra=_TUS,
+    response_class=Response,
 )
 def delete(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
     """Drops what has arrived; a cloud that it has become stays."""

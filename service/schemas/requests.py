@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, HttpUrl, StringConstraints, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, HttpUrl, StringConstraints, model_validator
 
 from service.formats import FORMATS
 from service.options import Options, StrictModel
@@ -12,7 +12,8 @@ from service.options import Options, StrictModel
 FORMAT_NAMES = tuple(item.name for item in FORMATS)
 LabelName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 Labels = Annotated[
-    dict[LabelName, Annotated[str, StringConstraints(max_length=256)]], Field(max_length=16)
+    dict[LabelName, Annotated[str, StringConstraints(max_length=256)]],
+    Field(max_length=16, json_schema_extra={"additionalProperties": False}),
 ]
 
 
@@ -27,8 +28,16 @@ FormatName = Annotated[
 ]
 
 
+def _only(name: str) -> dict[str, Any]:
+    """Schema of an object in which, of `cloud` and `url`, only this one is said."""
+    kinds = {other: {"type": "string" if other == name else "null"} for other in ("cloud", "url")}
+    return {"required": [name], "properties": kinds}
+
+
 class CloudReference(StrictModel):
     """A cloud that the service has or fetches: either `cloud` or `url`."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [_only("cloud"), _only("url")]})
 
     cloud: str | None = Field(None, max_length=64, description="Id of a stored cloud.")
     url: Annotated[HttpUrl, Field(strict=False)] | None = Field(

@@ -1,0 +1,27 @@
+"""What schemathesis cannot guess: files that are point clouds, and keys used once."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import uuid4
+
+import schemathesis
+from hypothesis import strategies as st
+
+from tests.service.cloud_files import seeds
+from tests.service.scanner_files import scanner_seeds
+
+CLOUDS = st.sampled_from([file for _, file in sorted((seeds() | scanner_seeds()).items())])
+LONGEST_KEY = 200
+
+schemathesis.openapi.format("binary", CLOUDS)
+schemathesis.openapi.media_type("application/octet-stream", CLOUDS)
+schemathesis.openapi.media_type("application/offset+octet-stream", st.binary(max_size=100))
+
+
+@schemathesis.hook
+def before_call(_: Any, case: schemathesis.Case, __: dict[str, Any]) -> None:
+    """Another request under the key of a former one is refused, and that is right."""
+    key = (case.headers or {}).get("idempotency-key")
+    if isinstance(key, str) and 0 < len(key) <= LONGEST_KEY:
+        case.headers["idempotency-key"] = f"{key}-{uuid4()}"
