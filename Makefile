@@ -3,6 +3,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 PY := .venv/bin/python
 SYSTEM_LIBRARIES := libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1
+TEST_PACKAGES := postgresql
 HOST ?= 127.0.0.1
 PORT ?= 8000
 FUZZ_SECONDS ?= 300
@@ -30,6 +31,7 @@ demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TA
 	$(PY) -m benchmarks.demo $(if $(SOURCE),--source "$(SOURCE)") $(if $(TARGET),--target "$(TARGET)")
 
 test: setup  ## all tests
+	@tools/install_system_packages $(TEST_PACKAGES)
 	$(PY) -m pytest
 
 chaos: setup  ## 300 jobs while the server and its processes are killed 25 times
@@ -51,8 +53,8 @@ openapi: setup  ## write openapi.yaml and the tables of README.md from the app
 	$(PY) -m tools.readme_tables
 
 lock: setup  ## resolve the lock files again from pyproject.toml
-	.venv/bin/uv pip compile pyproject.toml $(LOCK_OPTIONS) -o requirements.lock
-	.venv/bin/uv pip compile pyproject.toml --extra demo --extra dev --extra bench --extra telemetry --extra s3 $(LOCK_OPTIONS) -o requirements-dev.lock
+	.venv/bin/uv pip compile pyproject.toml --extra postgres $(LOCK_OPTIONS) -o requirements.lock
+	.venv/bin/uv pip compile pyproject.toml --extra demo --extra dev --extra bench --extra telemetry --extra s3 --extra postgres $(LOCK_OPTIONS) -o requirements-dev.lock
 LOCK_OPTIONS := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 bench: setup  ## speed, accuracy and the peers (minutes to hours)

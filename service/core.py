@@ -53,7 +53,7 @@ class Service:
 @contextmanager
 def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
     """Hold the data directory, open its store, work on its queue; stop in the reverse order."""
-    with _sole_owner(settings.data_dir):
+    with _owned(settings.data_dir, shared=settings.database_url is not None):
         service = _assemble(settings, metrics)
         service.blobs.discard_incoming()
         webhooks = Webhooks(service.store, service.deliveries, settings)
@@ -98,12 +98,12 @@ def _assemble(settings: Settings, metrics: Metrics) -> Service:
 
 
 @contextmanager
-def _sole_owner(data_dir: Path) -> Iterator[None]:
-    """RuntimeError when another process already serves the directory."""
+def _owned(data_dir: Path, *, shared: bool) -> Iterator[None]:
+    """Hold the directory, alone or with others who share it; RuntimeError when that cannot be."""
     data_dir.mkdir(parents=True, exist_ok=True)
     with (data_dir / "lock").open("w") as lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             raise RuntimeError(
                 f"another service already uses {data_dir}; set MPE_DATA_DIR to another directory"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -36,7 +37,13 @@ class Settings(BaseSettings):
 
     data_dir: Path = Field(
         default_factory=lambda: Path.home() / ".local" / "share" / "mpe",
-        description="Directory that holds the job store and the clouds; one service per directory.",
+        description="Directory that holds the job store and the clouds. One service per directory, "
+        "unless MPE_DATABASE_URL is set.",
+    )
+    database_url: SecretStr | None = Field(
+        default=None,
+        description="PostgreSQL for the job store, postgresql://user:password@host/database; "
+        "unset: SQLite in the data directory.",
     )
     workers: int = Field(
         default_factory=_default_workers,
@@ -157,6 +164,16 @@ class Settings(BaseSettings):
             return tuple(host.strip().lower() for host in value.split(",") if host.strip())
         return value
 
+    @field_validator("database_url")
+    @classmethod
+    def _is_postgresql(cls, value: SecretStr | None) -> SecretStr | None:
+        # the message must not repeat the value: there is a password in it
+        if value is not None and not value.get_secret_value().startswith("postgresql://"):
+            raise ValueError("expected postgresql://user:password@host/database")
+        if value is not None and find_spec("psycopg") is None:
+            raise ValueError("install the driver: pip install 'mpe[postgres]'")
+        return value
+
     @model_validator(mode="after")
     def _fit_the_cores(self) -> Settings:
         cores = available_cores()
@@ -172,6 +189,13 @@ class Settings(BaseSettings):
         if self.webhook_hosts and self.webhook_secret is None:
             raise ValueError("MPE_WEBHOOK_HOSTS allows callbacks: set MPE_WEBHOOK_SECRET too")
         return self
+
+    @property
+    def store_url(self) -> str:
+        """Where the job store is, as SQLAlchemy writes it."""
+        if self.database_url is None:
+            return f"sqlite:///{self.data_dir / 'jobs.sqlite3'}"
+        return self.database_url.get_secret_value()
 
     @property
     def threads(self) -> int:

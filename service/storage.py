@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -23,13 +25,17 @@ class Blob:
 
 
 class BlobWriter:
-    """One blob being written; nothing is visible, and nothing stays behind, before `commit`."""
+    """One blob being written; nothing is visible, and nothing stays behind, before `commit`.
+
+    The file is locked meanwhile, so that nobody takes it for one that a dead process left.
+    """
 
     def __init__(self, store: BlobStore) -> None:
         self._store = store
         self._file = tempfile.NamedTemporaryFile(  # noqa: SIM115
             dir=store.incoming, prefix="blob-", delete=False
         )
+        fcntl.flock(self._file, fcntl.LOCK_EX)
         self._hash = hashlib.sha256()
         self._size = 0
 
@@ -52,9 +58,10 @@ class BlobWriter:
 
     def commit(self) -> Blob:
         """Make the blob durable under its name and return it."""
-        self._file.close()
+        self._file.flush()
         blob = Blob(self._hash.hexdigest(), self._size)
         self._store.install(Path(self._file.name), blob)
+        self._file.close()
         return blob
 
     def discard(self) -> None:
@@ -82,9 +89,11 @@ class BlobStore:
         return BlobWriter(self)
 
     def discard_incoming(self) -> None:
-        """Remove what a former process was writing when it ended."""
+        """Remove what former processes were writing when they ended."""
         for path in self.incoming.iterdir():
-            path.unlink()
+            with contextlib.suppress(FileNotFoundError, BlockingIOError), path.open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -107,16 +116,16 @@ class BlobStore:
         What is needed is asked after the old blobs have been listed: a blob that a job has taken
         up since is either needed or new.
         """
-        old = [path for path in self.blobs.glob("*/*") if path.stat().st_mtime < older_than]
+        old = [path for path in self.blobs.glob("*/*") if _modified(path) < older_than]
         unneeded = {path.name for path in old} - needed() if old else set()
         return sum(self._remove_old(path, older_than) for path in old if path.name in unneeded)
 
     def _remove_old(self, path: Path, older_than: float) -> bool:
-        with self.locked():
-            if path.stat().st_mtime >= older_than:
-                return False
-            path.unlink()
-        return True
+        with self.locked(), contextlib.suppress(FileNotFoundError):
+            if path.stat().st_mtime < older_than:
+                path.unlink()
+                return True
+        return False
 
     def adopt(self, path: Path) -> Blob:
         """Make a finished file of the same file system a blob; the file is gone then."""
@@ -153,6 +162,14 @@ class BlobStore:
             for chunk in chunks:
                 writer.write(chunk)
             return writer.commit()
+
+
+def _modified(path: Path) -> float:
+    """Time in seconds since the epoch; never, when another service has removed the file."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return math.inf
 
 
 def _fsync_directory(directory: Path) -> None:

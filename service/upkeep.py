@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from service.jobs.prepared import PreparedClouds
 from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
+from service.jobs.scratch import discard_scratch
 
 if TYPE_CHECKING:
     from service.core import Service
@@ -40,6 +41,7 @@ class Upkeep:
         service.store.lose_all("its lease ended", lease_before=time.time())
         for job_id in service.store.miss_deadlines():
             service.changes.announce(job_id)
+        discard_scratch(service.settings.data_dir, service.store.running)
         drop_expired(database)
         service.uploads.drop_expired()
         oldest = time.time() - service.settings.blob_grace_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -39,7 +40,6 @@ class UploadStore:
         self._database = database
         self._directory = directory
         self._retention_s = retention_s
-        self._busy: set[str] = set()
         directory.mkdir(exist_ok=True)
 
     def create(self, tenant: str, length: int, declared: str | None = None) -> Upload:
@@ -70,20 +70,18 @@ class UploadStore:
 
     @contextmanager
     def appending(self, upload: Upload, offset: int) -> Iterator[BinaryIO]:
-        """The file, to append to from the offset; belongs to one event loop.
+        """The file, to append to from the offset; locked meanwhile, in whatever process.
 
         UploadConflictError when the upload is elsewhere, or another request appends to it.
         """
-        if upload.id in self._busy:
-            raise UploadConflictError("Another request appends to this upload.")
-        if offset != self.offset(upload) or upload.is_complete:
-            raise UploadConflictError(f"The upload is at {self.offset(upload)}; go on from there.")
-        self._busy.add(upload.id)
-        try:
-            with self.path(upload).open("ab") as file:
-                yield file
-        finally:
-            self._busy.discard(upload.id)
+        if upload.is_complete:
+            raise _elsewhere(upload.length)
+        with self.path(upload).open("ab") as file:
+            if not _lock(file):
+                raise UploadConflictError("Another request appends to this upload.")
+            if offset != self.offset(upload):
+                raise _elsewhere(self.offset(upload))
+            yield file
 
     def extend(self, upload: Upload, *, complete: bool) -> Upload:
         """Give it one more period to live, and record whether it has become a cloud."""
@@ -105,5 +103,22 @@ class UploadStore:
         with self._database.read() as connection:
             expired = [Upload(**row._mapping) for row in connection.execute(late)]
         for upload in expired:
-            if upload.id not in self._busy:
+            if upload.is_complete:
                 self.remove(upload)
+                continue
+            with self.path(upload).open("ab") as file:
+                if _lock(file):
+                    self.remove(upload)
+
+
+def _lock(file: BinaryIO) -> bool:
+    """Whether nobody else held the file; it is held until it is closed."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _elsewhere(offset: int) -> UploadConflictError:
+    return UploadConflictError(f"The upload is at {offset}; go on from there.")

@@ -1,15 +1,20 @@
-"""Where the real clouds are, and what happens when they are not there."""
+"""What tests need beside the project: the real clouds and PostgreSQL; what happens without them."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.postgres import Postgres, find_programs, running_postgres
+
 PROJECT = Path(__file__).parent.parent
 DATA = Path(os.environ.get("MPE_DATA", PROJECT.parent / "shared" / "data"))
 REQUIRED = os.environ.get("MPE_REQUIRE_REAL_DATA") == "1"
+POSTGRES_REQUIRED = os.environ.get("MPE_REQUIRE_POSTGRES") == "1"
+NO_POSTGRES = "there is no PostgreSQL server: install the Debian package postgresql"
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +27,20 @@ def data() -> Path:
     pytest.skip(f"no real clouds at {DATA}; set MPE_DATA")
 
 
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Postgres]:
+    """A running PostgreSQL; skipped loudly without it, or a failure where CI needs it."""
+    programs = find_programs()
+    if programs is None:
+        (pytest.fail if POSTGRES_REQUIRED else pytest.skip)(NO_POSTGRES)
+    with running_postgres(programs) as running:
+        yield running
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if find_programs() is None:
+        terminalreporter.section("POSTGRESQL ABSENT", sep="!", red=True)
+        terminalreporter.line(f"Nothing was tested on it: {NO_POSTGRES}.")
     if not (DATA / "pairs.json").is_file():
         terminalreporter.section("REAL DATA ABSENT", sep="!", red=True)
         terminalreporter.line(f"Nothing was tested on real clouds: there is no {DATA}/pairs.json.")

@@ -1,85 +1,156 @@
-"""The database below the stores: durable commits, one writer at a time, readers beside it."""
+"""The database below the stores: SQLite beside the blobs, or PostgreSQL.
+
+Durable commits, and snapshots to read from, that see no half of a transaction. What differs between
+the two is here and nowhere else.
+"""
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
-from sqlalchemy import Connection, create_engine, event
+from sqlalchemy import Connection, Engine, create_engine, event, func, make_url, select
+from sqlalchemy.exc import DataError, OperationalError, TimeoutError
 
 from service.jobs.schema import migrate
+from service.problems import InvalidRequestError, NotReadyError
 from service.settings import Settings
 
-CONNECTIONS = 32
+SQLITE_CONNECTIONS = 32
 """Kept open; as many again for a while. More than the threads that ask: 40, and the workers."""
+POSTGRES_CONNECTIONS = 20
+"""At most, of the 100 that a server allows unless told otherwise; threads wait for their turn."""
+CONNECT_S = 10
+RETRY_AFTER_S = 5
+ALONE = 7_073_025
+"""Any number: the key of the lock that `write(alone=True)` holds in PostgreSQL."""
+
+log = logging.getLogger(__name__)
 
 
 class Database:
-    """An SQL database at a URL: SQLite beside the blobs, or PostgreSQL; migrated when opened."""
+    """An SQL database at a URL, migrated when opened."""
 
     def __init__(self, url: str) -> None:
-        self._engine = create_engine(
-            url,
-            pool_size=CONNECTIONS,
-            max_overflow=CONNECTIONS,
-            hide_parameters=True,  # an error that is logged must not tell what a row holds
-        )
-        if self._engine.dialect.name == "sqlite":
-            event.listen(self._engine, "connect", _configure_sqlite)
-            event.listen(self._engine, "begin", _begin_sqlite)
+        self.is_shared = not url.startswith("sqlite")
+        """Whether other processes may work on it at the same time."""
+        self._engine = _postgres(url) if self.is_shared else _sqlite(url)
+        isolation = {"isolation_level": "REPEATABLE READ"} if self.is_shared else {}
+        self._reader = self._engine.execution_options(**isolation)
         self._writer = self._engine.execution_options(writes=True)
         # first come first served: SQLite's own waiting for the writer polls, and is unfair
-        self._writing = threading.Lock()
-        self._migrate()
+        self._turn: AbstractContextManager[Any]
+        self._turn = nullcontext() if self.is_shared else threading.Lock()
+        try:
+            self._migrate()
+        except BaseException:
+            self.close()
+            raise
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
-        """A snapshot to read from."""
-        with self._engine.connect() as connection:
+        """A snapshot to read from.
+
+        NotReadyError when the database does not answer, here and in `write`; InvalidRequestError
+        when it cannot hold what it was asked (NUL, in PostgreSQL).
+        """
+        with _explained(), self._reader.connect() as connection:
             yield connection
 
     @contextmanager
-    def write(self) -> Iterator[Connection]:
-        """A transaction; durable when the context is left, undone when it raises."""
-        with self._writing, self._writer.begin() as connection:
-            yield connection
+    def write(self, *, alone: bool = False) -> Iterator[Connection]:
+        """A transaction; durable when the context is left, undone when it raises.
 
-    def _migrate(self) -> None:
-        """Alone: another process that opens the database meanwhile waits, and finds it done."""
-        with (
-            self._writer.connect() as connection,
-            _foreign_keys_off(connection),
-            connection.begin(),
-        ):
-            migrate(connection)
+        PostgreSQL runs several side by side: a guarded update of one row is safe there. What reads
+        and then decides (may one more wait? is the key known?) has to be `alone`: one at a time,
+        in whatever process. In SQLite every transaction is.
+        """
+        with _explained(), self._turn, self._writer.begin() as connection:
+            if alone and self.is_shared:
+                _wait_alone(connection)
+            yield connection
 
     def close(self) -> None:
         """Give the connections back."""
         self._engine.dispose()
 
+    def _migrate(self) -> None:
+        """Alone: another process that opens the database meanwhile waits, and finds it done."""
+        with (
+            self._writer.connect() as connection,
+            nullcontext() if self.is_shared else _foreign_keys_off(connection),
+            connection.begin(),
+        ):
+            if self.is_shared:
+                _wait_alone(connection)
+            migrate(connection)
+
+
+@contextmanager
+def _explained() -> Iterator[None]:
+    try:
+        yield
+    except (OperationalError, TimeoutError) as error:
+        log.error("the job store does not answer: %s", error)
+        later = {"Retry-After": str(RETRY_AFTER_S)}
+        raise NotReadyError("The job store does not answer.", headers=later) from error
+    except DataError as error:
+        raise InvalidRequestError("A text has a character that cannot be stored.") from error
+
+
+def _postgres(url: str) -> Engine:
+    # a connection that the server closed meanwhile is replaced before it is used
+    return create_engine(
+        make_url(url).set(drivername="postgresql+psycopg"),
+        hide_parameters=True,  # an error that is logged must not tell what a row holds
+        pool_size=POSTGRES_CONNECTIONS,
+        max_overflow=0,
+        pool_pre_ping=True,
+        connect_args={
+            "connect_timeout": CONNECT_S,
+            "application_name": "mpe",
+            "client_encoding": "utf8",
+        },
+    )
+
+
+def _wait_alone(connection: Connection) -> None:
+    connection.execute(select(func.pg_advisory_xact_lock(ALONE)))
+
+
+def _sqlite(url: str) -> Engine:
+    engine = create_engine(
+        url,
+        hide_parameters=True,
+        pool_size=SQLITE_CONNECTIONS,
+        max_overflow=SQLITE_CONNECTIONS,
+    )
+    event.listen(engine, "connect", _configure_sqlite)
+    event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
 
 def open_database(settings: Settings) -> Database:
     """The database that the settings name."""
-    return Database(f"sqlite:///{settings.data_dir / 'jobs.sqlite3'}")
+    return Database(settings.store_url)
 
 
 def _configure_sqlite(connection: Any, _: object) -> None:
     connection.isolation_level = None  # transactions begin where SQLAlchemy says, see below
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=30000"):
+    for pragma in ("busy_timeout=30000", "journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
         connection.execute(f"PRAGMA {pragma}")
 
 
 @contextmanager
 def _foreign_keys_off(connection: Connection) -> Iterator[None]:
     """SQLite alters a table by making it anew: dropping the old one must not cascade."""
-    sqlite = connection.dialect.name == "sqlite"
-    if sqlite:
-        connection.connection.cursor().execute("PRAGMA foreign_keys=OFF")
+    cursor = connection.connection.cursor()
+    cursor.execute("PRAGMA foreign_keys=OFF")
     yield
-    if sqlite:
-        connection.connection.cursor().execute("PRAGMA foreign_keys=ON")
+    cursor.execute("PRAGMA foreign_keys=ON")
 
 
 def _begin_sqlite(connection: Connection) -> None:

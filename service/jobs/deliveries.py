@@ -13,6 +13,9 @@ from service.jobs.job import ENDED, DeliveryStatus
 from service.jobs.rows import plan_delivery
 from service.jobs.tables import deliveries, jobs
 
+SENDING_S = 60.0
+"""A try that has not ended within this time is made again: who made it was killed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
@@ -47,7 +50,9 @@ class DeliveryStore:
 
     def claim(self) -> Delivery | None:
         """Take the delivery that is due longest; None when none is due."""
-        due = and_(deliveries.c.status == "pending", deliveries.c.next_at <= time.time())
+        now = time.time()
+        unfinished = deliveries.c.status.in_(("pending", "sending"))
+        due = and_(unfinished, deliveries.c.next_at <= now)
         first = (
             select(deliveries.c.id)
             .where(due)
@@ -56,7 +61,8 @@ class DeliveryStore:
             .with_for_update(skip_locked=True)
             .scalar_subquery()
         )
-        take = update(deliveries).where(deliveries.c.id == first).values(status="sending")
+        take = update(deliveries).where(deliveries.c.id == first, due)
+        take = take.values(status="sending", next_at=now + SENDING_S)
         with self._database.read() as connection:
             if connection.execute(select(deliveries.c.id).where(due).limit(1)).first() is None:
                 return None
@@ -71,14 +77,20 @@ class DeliveryStore:
         status: DeliveryStatus,
         next_at: float | None,
     ) -> None:
-        """Record a try and what follows from it."""
+        """Record a try and what follows from it, unless another try was begun meanwhile."""
         values = {"status": status, "next_at": next_at, "tries": [*delivery.tries, tried]}
-        record = update(deliveries).where(deliveries.c.id == delivery.id).values(**values)
+        mine = and_(deliveries.c.id == delivery.id, deliveries.c.next_at == delivery.next_at)
+        record = update(deliveries).where(mine).values(**values)
         with self._database.write() as connection:
             connection.execute(record)
 
     def release(self) -> None:
-        """Make what a former process was sending due again: it may not have come through."""
+        """Make what a former process was sending due again: it may not have come through.
+
+        In a database with other users it is due again by itself, after SENDING_S.
+        """
+        if self._database.is_shared:
+            return
         interrupted = update(deliveries).where(deliveries.c.status == "sending")
         with self._database.write() as connection:
             connection.execute(interrupted.values(status="pending", next_at=time.time()))

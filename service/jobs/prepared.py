@@ -43,4 +43,4 @@ class PreparedClouds:
         names = {f"{sha256}-{tenant}" for tenant, sha256 in needed}
         for path in self._directory.iterdir():
             if path.name.rpartition("-")[0] not in names:
-                path.unlink()
+                path.unlink(missing_ok=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import shutil
 import threading
 import time
 from collections.abc import Callable
 
 from service.jobs.child import Child, prepare_forkserver
 from service.jobs.job import JobRow
+from service.jobs.scratch import discard_scratch
 from service.jobs.store import JobStore
 from service.jobs.worker import LEASE_S, Worker
 from service.logs import about_job
@@ -64,8 +64,8 @@ class Queue:
 
     def start(self) -> None:
         """Take up what a former process left behind, and begin to work."""
-        shutil.rmtree(self._settings.data_dir / "scratch", ignore_errors=True)
-        lost = self._store.lose_all("the service was killed meanwhile")
+        lost = self._store.recover()
+        discard_scratch(self._settings.data_dir, self._store.running)
         if lost:
             log.warning("%d registrations were interrupted", lost)
         prepare_forkserver(self._settings.threads)

@@ -30,7 +30,7 @@ def drop_expired(database: Database) -> None:
     """Forget the results, the jobs and the clouds whose time has come."""
     now = time.time()
     expired = and_(jobs.c.result_expires_at < now, jobs.c.result_sha256.is_not(None))
-    with database.write() as connection:
+    with database.write(alone=True) as connection:
         connection.execute(
             update(jobs).where(expired).values(result_sha256=None, inliers_sha256=None)
         )

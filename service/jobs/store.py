@@ -51,7 +51,7 @@ class JobStore:
         QuotaExceededError
             As many jobs of the tenant wait as may.
         """
-        with self._database.write() as connection:
+        with self._database.write(alone=True) as connection:
             return accept(
                 connection,
                 job,
@@ -130,6 +130,11 @@ class JobStore:
         with self._database.write() as connection:
             return connection.execute(extend).rowcount == 1
 
+    def holds(self, job: JobRow) -> bool:
+        """Whether the attempt is still the job's."""
+        with self._database.read() as connection:
+            return connection.scalar(select(jobs.c.id).where(_mine(job))) is not None
+
     def progress(self, job: JobRow, stage: str, fraction: float) -> bool:
         """Record how far the attempt is; False when it is no longer the job's."""
         return self._change(_mine(job), job.id, stage=stage, fraction=fraction)
@@ -157,6 +162,14 @@ class JobStore:
         error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
         return self.fail(job, error_problem(error), {})
 
+    def recover(self) -> int:
+        """Lose what a former process ran when it was killed; returns how many jobs that were.
+
+        In a database with other users all that can be told is whose lease has ended.
+        """
+        lease_before = time.time() if self._database.is_shared else None
+        return self.lose_all("the service was killed meanwhile", lease_before=lease_before)
+
     def lose_all(self, reason: str, *, lease_before: float | None = None) -> int:
         """Lose the running attempts (whose lease ended before); returns how many there were."""
         query = select(jobs).where(jobs.c.status == "running")
@@ -165,6 +178,12 @@ class JobStore:
         with self._database.read() as connection:
             orphans = [job_of(row) for row in connection.execute(query)]
         return sum(self.lose(job, reason) for job in orphans)
+
+    def running(self) -> set[tuple[str, int]]:
+        """Id and attempt number of each running job."""
+        query = select(jobs.c.id, jobs.c.attempt).where(jobs.c.status == "running")
+        with self._database.read() as connection:
+            return {(row.id, row.attempt) for row in connection.execute(query)}
 
     def miss_deadlines(self) -> list[str]:
         """Fail the waiting jobs whose deadline has passed; returns their ids."""

@@ -13,6 +13,7 @@ from typing import Any
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
 from service.jobs.job import CloudInput, JobRow, Outcome, is_terminal
+from service.jobs.scratch import scratch_of
 from service.jobs.standby import Standby
 from service.jobs.store import JobStore
 from service.jobs.task import Task
@@ -24,6 +25,8 @@ from service.storage import BlobStore
 
 LEASE_S = 30.0
 HEARTBEAT_S = LEASE_S / 3
+LOOK_S = 0.5
+"""Another service on the same database may cancel the job: so often is it looked at."""
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +48,7 @@ class Worker:
 
     def work(self, job: JobRow) -> None:
         """One attempt at a claimed job, to its end in the store."""
-        scratch = self.settings.data_dir / "scratch" / f"{job.id}-{job.attempt}"
+        scratch = scratch_of(self.settings.data_dir, job)
         scratch.mkdir(parents=True)
         try:
             self._attempt(job, self._task(job, scratch))
@@ -87,10 +90,12 @@ class Worker:
             if now >= bound.at:
                 self.store.fail(job, error_problem(bound.error), {})
                 return False
+            message = child.receive(min(bound.at - now, LOOK_S))
             if now >= beat:
                 mine = self.store.heartbeat(job, lease_s=LEASE_S)
                 beat = now + HEARTBEAT_S
-            message = child.receive(min(bound.at, beat) - now)
+            elif message is None:
+                mine = self.store.holds(job)
             if message is None:
                 continue
             answered = self._conclude(job, message)

@@ -21,9 +21,10 @@ def livez() -> Health:
 
 @router.get("/readyz", operation_id="getReadiness", summary="Do registrations start at once?")
 def readyz(service: CurrentService) -> Health:
-    """200 when the workers are warm; 503 before that and while the service stops."""
+    """200 when the workers are warm and the store answers; 503 also while the service stops."""
     if not service.queue.is_ready:
         raise NotReadyError("The workers are not ready.", headers={"Retry-After": "1"})
+    service.store.count("queued")
     return Health()
 
 

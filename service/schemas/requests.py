@@ -12,7 +12,7 @@ from service.options import Options, StrictModel
 FORMAT_NAMES = tuple(item.name for item in FORMATS)
 LabelName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 Labels = Annotated[
-    dict[LabelName, Annotated[str, StringConstraints(max_length=256)]],
+    dict[LabelName, Annotated[str, StringConstraints(max_length=256, pattern=r"^[^\x00]*$")]],
     Field(max_length=16, json_schema_extra={"additionalProperties": False}),
 ]
 

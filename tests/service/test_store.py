@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
@@ -24,13 +24,10 @@ LEASE_S = 30.0
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
-    return f"sqlite:///{tmp_path / 'jobs.sqlite3'}"
-
-
-@pytest.fixture
-def database(url: str) -> Database:
-    return Database(url)
+def database(url: str) -> Iterator[Database]:
+    opened = Database(url)
+    yield opened
+    opened.close()
 
 
 def open_store(database: Database, *, queue_limit: int = 100, result_s: float = 60) -> JobStore:
@@ -139,9 +136,11 @@ def test_a_job_handed_back_has_lost_nothing(store: JobStore) -> None:
 def test_after_a_crash_running_jobs_wait_again(store: JobStore, url: str) -> None:
     running, waiting = add(store), add(store)
     claimed(store)
-    reopened = open_store(Database(url))
+    database = Database(url)
+    reopened = open_store(database)
     assert reopened.lose_all("killed") == 1
     assert [claimed(reopened).id for _ in range(2)] == [running.id, waiting.id]
+    database.close()
 
 
 def test_queue_is_bounded(database: Database) -> None:
