@@ -31,14 +31,17 @@ PAIRS = (
     "goicp_demo",
     "livingroom1_1_0",
 )
-RATIO = 15.0
+RATIO = 10.2
+"""Yardsticks of the median registration: 10.1 to 10.2 in three runs, one of them beside two other
+processes that did nothing but compute."""
+YARDSTICKS = 3
 
 
 @pytest.fixture(scope="module")
 def runs(data):
-    """For each pair: whether it is right, and seconds over those of the yardstick.
+    """For each pair: whether it is right, and its time over that of the yardstick.
 
-    On one thread: a busy machine then slows both alike.
+    On one thread, in processor time: who else is busy on the machine then matters little.
     """
     pairs = {pair["id"]: pair for pair in json.loads((data / "pairs.json").read_text())}
     threads = numba.get_num_threads()
@@ -46,18 +49,25 @@ def runs(data):
     found = []
     for name in PAIRS:
         trial = real_pair(data, name)
-        start = time.perf_counter()
-        KDTree(trial.target).query(trial.target)
-        between = time.perf_counter()
+        before = [yardstick(trial.target) for _ in range(YARDSTICKS)]
+        start = time.process_time()
         T = register(trial.source, trial.target).T_target_source
-        seconds = time.perf_counter() - between
+        seconds = time.process_time() - start
+        after = [yardstick(trial.target) for _ in range(YARDSTICKS)]
         degrees, shift = pose_error(T, trial.T_target_source, trial.source)
         pair = pairs[name]
         right = degrees < pair["max_rotation_deg"] and shift < pair["max_translation"]
-        found.append((right, seconds / (between - start)))
+        found.append((right, seconds / min(before + after)))
     numba.set_num_threads(threads)
 
     return found
+
+
+def yardstick(cloud):
+    """Seconds to build a k-d tree of the cloud and ask it for each point of the cloud."""
+    start = time.process_time()
+    KDTree(cloud).query(cloud)
+    return time.process_time() - start
 
 
 def test_recall_does_not_fall(runs):
@@ -66,5 +76,6 @@ def test_recall_does_not_fall(runs):
 
 
 def test_time_does_not_grow(runs):
-    # the yardstick is building and asking a k-d tree of the target; the median was RATIO of it
-    assert np.median([ratio for _, ratio in runs]) < 2 * RATIO
+    ratio = np.median([ratio for _, ratio in runs])
+    print(f"median of the registrations: {ratio:.1f} yardsticks")
+    assert ratio < 2 * RATIO
