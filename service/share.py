@@ -22,15 +22,15 @@ class Shares:
         self._deciding = threading.Lock()
 
     def stored(self, tenant: str) -> int:
-        """Bytes that are kept for the tenant."""
-        return stored_bytes(self._database, tenant)
+        """Bytes that are kept for the tenant or arrive."""
+        return stored_bytes(self._database, tenant) + self._arriving[tenant]
 
     def reserve(self, caller: Caller, size: int) -> None:
         """Keep room for so many bytes until `release`; QuotaExceededError when there is not."""
         allowed = caller.limits.stored_bytes
         with self._deciding:
             if allowed is not None:
-                used = self.stored(caller.tenant) + self._arriving[caller.tenant]
+                used = self.stored(caller.tenant)
                 if used + size > allowed or used >= allowed:
                     raise QuotaExceededError(
                         f"{used} bytes are stored for you or arrive, {allowed} may be: {size} more "

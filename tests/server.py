@@ -44,9 +44,9 @@ class Server:
 
     def start(self, *, ready: bool = True, host: str = "127.0.0.1") -> None:
         with (self.data_dir.parent / "server.log").open("ab") as log:
+            place = ["--host", host, "--port", str(self.port)]
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "service.cli", "serve"]
-                + ["--host", host, "--port", str(self.port)],
+                [sys.executable, "-m", "service.cli", "serve", *place],
                 cwd=PROJECT,
                 env=self._environment,
                 stdout=log,

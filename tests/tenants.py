@@ -28,10 +28,10 @@ def new_key(
     tenant: str,
     *,
     requests_per_s: float = 0,
-    queue_limit: int = 0,
+    queue_limit: int | None = 0,
     stored_bytes: int = 0,
 ) -> str:
-    """A key, without limits unless they are given."""
+    """A key, without limits unless they are given; None: as the server's settings say."""
     with keys_of(server) as keys:
         return keys.create(tenant, "test", Limits(requests_per_s, queue_limit, stored_bytes))
 

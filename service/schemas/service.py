@@ -50,7 +50,7 @@ class Share(Document):
     requests_per_s: float | None = Field(description="Requests with this key, per second.")
     queued: int = Field(description="Its registrations that wait; a count.")
     queue_limit: int | None = Field(description="Its registrations that may wait; a count.")
-    stored_bytes: int = Field(description="What is kept for it, in bytes.")
+    stored_bytes: int = Field(description="What is kept for it or arrives, in bytes.")
     stored_bytes_limit: int | None = Field(description="What may be kept for it, in bytes.")
 
 
