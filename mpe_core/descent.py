@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.potential import ExactField, traction
+from mpe_core.potential import Field, traction
 from mpe_core.rigid import apply, axis_rotation, pose
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Descent:
 
 def descend(
     source: Array,
-    field: ExactField,
+    field: Field,
     max_iterations: int,
     report: Callable[[float], None],
 ) -> Descent:

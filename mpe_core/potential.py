@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.kernels.pair_sum import pair_force
+from mpe_core.kernels.tree_sum import tree_force
+from mpe_core.tree import build_tree
 
 Array = NDArray[np.float64]
 
 FARTHEST = 1e9  # in radii: nothing so far away pulls noticeably
+
+OPENING = np.float32(0.2)
+"""Radius over distance up to which a cell of the tree stands for its points. Root mean square error
+of the forces on 35,947 points from as many, processor time: 0.2 5e-5 in 33 ms, 0.3 2e-4 in 22, 0.4
+6e-4 in 19; exact in 203. Algorithm 1 on views of dragon and Chef, which pass some mutation points
+narrowly, ends within 0.003 degrees of the exact sum's pose with 0.2, within 0.13 with 0.3."""
+
+
+class Field(Protocol):
+    """Static field of the target."""
+
+    def force(self, points: Array) -> Array:
+        """(N, 3) forces F_i on points (N, 3) (Eq. 7 with K_i = 1)."""
 
 
 class ExactField:
@@ -29,9 +46,33 @@ class ExactField:
         return force.T
 
 
+class TreeField:
+    """The same field with distant parts of the target summed as one (Barnes and Hut 1986), in time
+    M log M to build and N log M for the forces.
+
+    Quickest for points of which neighbours stand together (`tree.tree_order`); right in any order.
+    """
+
+    def __init__(self, target: Array, eps: float) -> None:
+        self._tree = build_tree(_bounded(target))
+        self._eps = np.float32(eps)
+
+    def force(self, points: Array) -> Array:
+        """(N, 3) forces F_i on points (N, 3)."""
+        force = np.zeros((3, len(points)))
+        tree = self._tree
+        tree_force(_single(points), tree.points, tree.starts, tree.cells, self._eps, OPENING, force)
+        return force.T
+
+
 def _single(points: Array) -> NDArray[np.float32]:
-    """(3, N) float32; what lies beyond FARTHEST is moved there, where squares do not overflow."""
-    return np.ascontiguousarray(np.clip(points, -FARTHEST, FARTHEST).T, np.float32)
+    """(3, N) float32."""
+    return np.ascontiguousarray(_bounded(points).T, np.float32)
+
+
+def _bounded(points: Array) -> Array:
+    """What lies beyond FARTHEST is moved there, where squares do not overflow."""
+    return np.clip(points, -FARTHEST, FARTHEST)
 
 
 def traction(points: Array, centre: Array, force: Array) -> tuple[Array, Array]:
@@ -41,9 +82,12 @@ def traction(points: Array, centre: Array, force: Array) -> tuple[Array, Array]:
     S = sum (F_i.v_i) v_i.
     """
     arm = points - centre
-    v = arm / np.maximum(np.linalg.norm(arm, axis=1), np.finfo(np.float64).tiny)[:, None]
-    radial = (force * v).sum(axis=1)[:, None] * v
-    return np.cross(v, force - radial).sum(axis=0), radial.sum(axis=0)
+    length = np.sqrt(np.einsum("ni,ni->n", arm, arm))
+    v = arm / np.maximum(length, np.finfo(np.float64).tiny)[:, None]
+    M = np.einsum("ni,nj->ij", v, force)
+    # v x [F - (F.v) v] = v x F, because v x v = 0
+    torque = np.array([M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0]])
+    return torque, np.einsum("n,ni->i", np.einsum("ni,ni->n", force, v), v)
 
 
 def p2_energy(distance: Array, eps: float) -> float:

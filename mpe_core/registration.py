@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.alignment import Alignment, align
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points
 from mpe_core.confidence import Evidence
-from mpe_core.descent import EPS, descend
+from mpe_core.descent import EPS, Descent, descend
 from mpe_core.inliers import inlier_threshold
 from mpe_core.neighbours import Neighbours, nearest_rows
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import Polished
-from mpe_core.potential import ExactField, p2_energy
+from mpe_core.potential import ExactField, TreeField, p2_energy
 from mpe_core.progress import Progress, Report
 from mpe_core.refinement import trimmed_icp
 from mpe_core.result import Inliers, Registration
 from mpe_core.rigid import apply
 from mpe_core.scan import scan
 from mpe_core.sparse_search import sparse_mpe
+from mpe_core.tree import tree_order
 
 ENERGY_EPS = 0.03
 """eps of the reported P2 energy, in radii of the smaller cloud."""
@@ -84,7 +87,7 @@ def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) ->
     most = options.max_iterations
     with progress.stage("search") as report:
         if options.method == "mpe":
-            found = descend(pair.source, ExactField(pair.target, EPS), most, report)
+            found = _mpe(pair, options, report)
         else:
             size, seed = options.sample_size, options.seed
             found = sparse_mpe(pair.source, pair.target, size, most, seed, report)
@@ -93,6 +96,13 @@ def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) ->
             neighbours, T = Neighbours(pair.target), found.T_target_source
             found = trimmed_icp(pair.source, neighbours, T, options.overlap, most, report)
     return Polished(found.T_target_source, found.converged, found.iterations)
+
+
+def _mpe(pair: Pair, options: RegistrationOptions, report: Callable[[float], None]) -> Descent:
+    source, most = pair.source, options.max_iterations
+    if options.field == "exact":
+        return descend(source, ExactField(pair.target, EPS), most, report)
+    return descend(source[tree_order(source)], TreeField(pair.target, EPS), most, report)
 
 
 def _inliers(

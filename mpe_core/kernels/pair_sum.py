@@ -21,7 +21,7 @@ TINY = np.float32(1e-20)  # keeps n_ij of coincident points finite: their force 
 
 
 @njit("UniTuple(f4, 3)(f4, f4, f4, f4, f4[::1], f4[::1], f4[::1])", **FAST)
-def _block_force(
+def block_force(
     x: float,
     y: float,
     z: float,
@@ -51,7 +51,7 @@ def pair_force(
         fx, fy, fz = 0.0, 0.0, 0.0
         for start in range(0, count, BLOCK):
             end = min(start + BLOCK, count)
-            bx, by, bz = _block_force(
+            bx, by, bz = block_force(
                 x[0, i],
                 x[1, i],
                 x[2, i],

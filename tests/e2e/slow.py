@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.e2e.scans import arms, as_npy
 
-SLOW = '{"method": "mpe", "max_iterations": 10000}'
+SLOW = '{"method": "mpe", "field": "exact", "max_iterations": 10000}'
 
 
 def slow_pair() -> tuple[bytes, bytes]:

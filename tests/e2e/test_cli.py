@@ -97,6 +97,15 @@ def test_options_reach_the_registration(pair: tuple[Path, Path]) -> None:
     assert json.loads(done.stdout)["inliers"]["threshold"] == 0.125
 
 
+def test_the_field_is_chosen(pair: tuple[Path, Path]) -> None:
+    tree, exact = (
+        json.loads(mpe("align", *pair, "--json", "--method", "mpe", "--field", field).stdout)
+        for field in ("tree", "exact")
+    )
+    assert tree["transform"] != exact["transform"]  # another sum of the same forces
+    np.testing.assert_allclose(tree["transform"], exact["transform"], atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
