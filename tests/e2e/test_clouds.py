@@ -212,3 +212,30 @@ def test_abandoned_uploads_and_unused_clouds_are_dropped(forgetful: Server) -> N
     until(lambda: not any(p.is_file() for directory in kept for p in directory.rglob("*")))
     assert client.head(url, headers=TUS).status_code == 404
     assert client.get("/v1/clouds/ring").status_code == 404
+
+
+def test_a_format_that_the_content_does_not_tell_is_declared(server: Server) -> None:
+    rows = np.column_stack([REFERENCE, np.zeros(len(REFERENCE))]).astype("<f4").tobytes()
+    assert server.client.post("/v1/clouds", content=rows).status_code == 422
+    unknown = server.client.post("/v1/clouds?format=docx", content=rows)
+    assert unknown.status_code == 422
+    assert "expected one of" in unknown.json()["detail"]
+    stored = server.client.put("/v1/clouds/street?format=kitti", content=rows)
+    assert stored.json()["format"] == "kitti"
+    begun = server.client.post(
+        "/v1/uploads?format=kitti", headers=TUS | {"Upload-Length": str(len(rows))}
+    )
+    piece = {"Upload-Offset": "0", "Content-Type": "application/offset+octet-stream"}
+    server.client.patch(begun.headers["Location"], content=rows, headers=TUS | piece)
+    uploaded = begun.headers["Location"].rpartition("/")[2]
+    for name in ("street", uploaded):
+        response = server.client.post(
+            "/v1/registrations",
+            files={"source": FILE},
+            data={"target": json.dumps({"cloud": name})},
+            headers={"Prefer": "wait=30"},
+        )
+        job = registered(response)
+        assert job["target"]["reading"] == {"format": "kitti"}
+        degrees, _ = pose_error(np.array(job["result"]["transform"]), np.eye(4), REFERENCE)
+        assert degrees < 0.1
