@@ -48,7 +48,8 @@ def outputs(folder: Path, server: Server) -> list[str]:
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
         cwd=folder,
-        env=os.environ | {"PATH": path, "CURL_HOME": str(folder)},
+        env=os.environ
+        | {"PATH": path, "CURL_HOME": str(folder), "MPE_DATA_DIR": str(server.data_dir)},
         capture_output=True,
         text=True,
         check=False,
@@ -59,7 +60,7 @@ def outputs(folder: Path, server: Server) -> list[str]:
 
 
 def test_curl_examples(outputs: list[str], folder: Path) -> None:
-    waited, options, lists, removed, refused, align = outputs
+    waited, options, lists, removed, refused, keys, align = outputs
     first, second = json.loads(waited), json.loads(options)
     assert first["status"] == second["status"] == "succeeded"
     assert second["options"]["overlap"] == 0.8
@@ -75,6 +76,9 @@ def test_curl_examples(outputs: list[str], folder: Path) -> None:
     problem = json.loads(refused)
     assert 400 <= problem["status"] < 500
     assert problem["detail"]
+    page, end = json.JSONDecoder().raw_decode(keys.strip())
+    assert page["items"] == [], "the tenant sees what others have sent"
+    assert ["lab", "laptop"] in [line.split()[1:3] for line in keys.strip()[end:].splitlines()]
     assert "T_target_source" in align
     assert (folder / "build/demo/aligned.ply").exists()
 
