@@ -33,7 +33,7 @@ def _default_job_memory() -> int:
 class Settings(BaseSettings):
     """Settings of one service process, checked at the start."""
 
-    model_config = SettingsConfigDict(env_prefix="MPE_", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="MPE_", frozen=True, hide_input_in_errors=True)
 
     data_dir: Path = Field(
         default_factory=lambda: Path.home() / ".local" / "share" / "mpe",

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -17,6 +18,9 @@ from service.jobs.task import Task, stand_by
 
 MAX_MESSAGE_BYTES = 1 << 20
 START_TRIES = 3
+START_PAUSE_S = 0.05
+FORKSERVER_GONE = 255
+"""What multiprocessing says in place of an exit code that the forkserver cannot tell any more."""
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 _context = multiprocessing.get_context("forkserver")
@@ -113,6 +117,8 @@ class Child:
         wait([self._process.sentinel], timeout=1.0)
         with _processes:
             code = self._process.exitcode
+        if code == FORKSERVER_GONE:
+            return "the process that it was forked from was ended, and it with that"
         if code is not None and code < 0:
             return f"its process was ended by {signal.Signals(-code).name}"
         return f"its process ended with code {code}"
@@ -127,3 +133,4 @@ def _start(process: Any) -> None:
         except (OSError, EOFError) as error:
             if last_try:
                 raise ChildLostError("its process could not be started") from error
+            time.sleep(START_PAUSE_S)  # the system takes a moment to bury the forkserver

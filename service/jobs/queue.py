@@ -78,9 +78,9 @@ class Queue:
 
     def kill(self, job_id: str) -> None:
         """End the child of a job that the store has already ended."""
-        if job_id in self._running:
-            _, child = self._running[job_id]
-            child.kill()
+        running = self._running.get(job_id)
+        if running is not None:
+            running[1].kill()
 
     def stop(self, grace_s: float) -> None:
         """Begin nothing more; what still runs after the grace is ended and waits again."""

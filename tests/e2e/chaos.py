@@ -14,6 +14,7 @@ import threading
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ import psutil
 from tests.e2e.processes import all_of, forkserver
 from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
+from tests.postgres import find_programs, running_postgres
 from tests.server import Server, finished, running_server, submit
 from tests.waiting import until
 
@@ -82,6 +84,7 @@ class Chaos:
             "killed": dict(self.killed),
             "attempts needed: jobs": dict(sorted(attempts.items())),
             "callbacks received": len(self.receiver.received),
+            "errors logged": dict(_errors(self.server.log)),
             "seconds": round(time.monotonic() - started, 1),
         }
 
@@ -164,6 +167,12 @@ class Chaos:
         assert not alive, f"processes are left: {alive}"
 
 
+def _errors(log: str) -> Counter[str]:
+    """What the server says went wrong and nobody meant to; kills are warnings."""
+    lines = [json.loads(line) for line in log.splitlines() if line[:1] + line[-1:] == "{}"]
+    return Counter(line["message"] for line in lines if line["level"] in ("ERROR", "CRITICAL"))
+
+
 def _wanted(seed: int, number: int) -> Wanted:
     rng = np.random.default_rng((seed, number))
     truth = motion(rng, TARGET, 20, 0.2)
@@ -187,8 +196,8 @@ def _check_end(job: dict[str, Any], wanted: Wanted) -> None:
         assert shift < 0.02
 
 
-def run(directory: Path, *, jobs: int, kills: int, seed: int) -> dict[str, Any]:
-    with receiving() as receiver, running_server(directory, **SETTINGS) as server:
+def run(directory: Path, *, jobs: int, kills: int, seed: int, **settings: object) -> dict[str, Any]:
+    with receiving() as receiver, running_server(directory, **SETTINGS, **settings) as server:
         try:
             return Chaos(server, receiver, jobs, kills, seed).run()
         except (AssertionError, httpx.HTTPError) as error:
@@ -201,9 +210,17 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=300)
     parser.add_argument("--kills", type=int, default=25)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--postgres", action="store_true", help="keep the jobs in PostgreSQL")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as directory:
-        figures = run(Path(directory), jobs=given.jobs, kills=given.kills, seed=given.seed)
+    with ExitStack() as stack:
+        directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        settings = {}
+        if given.postgres:
+            programs = find_programs() or parser.error("there is no PostgreSQL server")
+            postgres = stack.enter_context(running_postgres(programs))
+            settings["database_url"] = postgres.new_database()
+        counts = {"jobs": given.jobs, "kills": given.kills, "seed": given.seed}
+        figures = run(directory, **counts, **settings)
     for name, value in figures.items():
         print(f"{name:34} {value}")
 

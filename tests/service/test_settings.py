@@ -35,3 +35,12 @@ def test_service_process_loads_no_kernel_and_no_open3d() -> None:
     program = f"import sys; import service.main; print({heavy})"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     assert loaded.stdout.strip() == b"[]"
+
+
+def test_another_database_is_refused_without_telling_the_password(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MPE_DATABASE_URL", "mysql://mpe:sesame@there/mpe")
+    with pytest.raises(ValidationError, match="expected postgresql://") as caught:
+        Settings()
+    assert "sesame" not in str(caught.value)

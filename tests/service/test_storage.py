@@ -74,3 +74,12 @@ def test_what_a_dead_process_left_is_removed(tmp_path: Path) -> None:
     (store.incoming / "blob-left").write_bytes(b"half")
     store.discard_incoming()
     assert files(store) == [store.path(kept.sha256)]
+
+
+def test_what_another_service_is_writing_is_left_alone(tmp_path: Path) -> None:
+    store = BlobStore(tmp_path)
+    with store.writer() as writer:
+        writer.write(b"half")
+        BlobStore(tmp_path).discard_incoming()
+        blob = writer.commit()
+    assert store.path(blob.sha256).read_bytes() == b"half"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import yaml
 
@@ -41,6 +43,14 @@ def test_the_service_is_confined() -> None:
     assert json.loads(last("ENTRYPOINT"))[0] == "tini"
     assert "/readyz" in last("HEALTHCHECK")
     assert last("VOLUME") == "/data"
+
+
+def test_compose_can_keep_the_jobs_in_postgresql() -> None:
+    services = yaml.safe_load((PROJECT / "compose.postgres.yaml").read_text())["services"]
+    url = urlsplit(re.sub(r"\$\{.*\}", "pw", services["mpe"]["environment"]["MPE_DATABASE_URL"]))
+    assert url.hostname in services
+    assert url.username == services["postgres"]["environment"]["POSTGRES_USER"]
+    assert "psycopg-binary==" in (PROJECT / "requirements.lock").read_text()
 
 
 def test_compose_keeps_the_root_read_only_and_names_the_volume() -> None:

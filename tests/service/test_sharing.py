@@ -1,0 +1,111 @@
+"""Two services on one database: each thing is done once, whoever does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.jobs import deliveries
+from service.jobs.database import Database
+from service.jobs.deliveries import DeliveryStore
+from service.jobs.intake import Idempotency
+from service.jobs.scratch import discard_scratch, scratch_of
+from service.jobs.store import JobStore
+from service.problems import QueueFullError
+from tests.service.test_store import LEASE_S, add, claimed, new_job, open_store
+
+Stores = tuple[JobStore, JobStore]
+LIMIT = 40
+
+
+@pytest.fixture
+def databases(url: str) -> Iterator[tuple[Database, Database]]:
+    both = Database(url), Database(url)
+    yield both
+    for database in both:
+        database.close()
+
+
+@pytest.fixture
+def stores(databases: tuple[Database, Database]) -> Stores:
+    first, second = databases
+    return open_store(first, queue_limit=LIMIT), open_store(second, queue_limit=LIMIT)
+
+
+def at_once(stores: Stores, count: int, call: Callable[[JobStore], Any]) -> list[Any]:
+    """What `count` calls give that are made side by side, by turns to both stores."""
+    with ThreadPoolExecutor(8) as threads:
+        return list(threads.map(lambda i: call(stores[i % 2]), range(count)))
+
+
+def test_a_job_is_claimed_once(stores: Stores) -> None:
+    jobs = [add(stores[0]) for _ in range(30)]
+    taken = at_once(stores, 40, lambda store: store.claim(lease_s=LEASE_S))
+    assert sorted(job.id for job in taken if job) == sorted(job.id for job in jobs)
+
+
+def test_a_key_is_accepted_once(stores: Stores) -> None:
+    key = Idempotency("k", "request")
+    accepted = at_once(stores, 16, lambda store: store.add(new_job(), key).id)
+    assert len(set(accepted)) == 1
+    assert stores[0].count("queued") == 1
+
+
+def test_the_bound_of_the_queue_is_exact(stores: Stores) -> None:
+    def is_accepted(store: JobStore) -> bool:
+        try:
+            return bool(add(store))
+        except QueueFullError:
+            return False
+
+    assert sum(at_once(stores, 2 * LIMIT, is_accepted)) == LIMIT
+
+
+def test_a_start_takes_up_only_what_nobody_holds(
+    stores: Stores, databases: tuple[Database, Database]
+) -> None:
+    """With SQLite the one who starts is alone, and all that ran is over."""
+    add(stores[0])
+    held = claimed(stores[0])
+    assert stores[1].recover() == (0 if databases[1].is_shared else 1)
+    if databases[1].is_shared:
+        assert stores[0].heartbeat(held, lease_s=-1)
+        assert stores[1].recover() == 1
+    assert claimed(stores[1]).attempt == 2
+    assert not stores[0].holds(held)
+
+
+def test_what_a_killed_sender_had_begun_is_sent_again(
+    stores: Stores, databases: tuple[Database, Database], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add(stores[0], callback_url="http://there/hook")
+    stores[0].fail(claimed(stores[0]), {"detail": "x"}, {})
+    first, second = (DeliveryStore(database) for database in databases)
+    assert first.claim() is not None
+    assert second.claim() is None
+    monkeypatch.setattr(deliveries, "SENDING_S", -deliveries.SENDING_S)
+    add(stores[0], callback_url="http://there/hook")
+    stores[0].fail(claimed(stores[0]), {"detail": "x"}, {})
+    slow = first.claim()
+    assert slow is not None
+    again = second.claim()
+    assert again is not None
+    assert again.id == slow.id
+    first.tried(slow, {"at": 1.0}, "failed", None)  # it came too late
+    second.tried(again, {"at": 2.0}, "delivered", None)
+    (row,) = second.of_job(slow.job_id)
+    assert (row.status, row.tries) == ("delivered", [{"at": 2.0}])
+
+
+def test_scratch_of_what_runs_is_kept(stores: Stores, tmp_path: Path) -> None:
+    add(stores[0]), add(stores[0])
+    runs, ended = claimed(stores[0]), claimed(stores[1])
+    for job in (runs, ended):
+        scratch_of(tmp_path, job).mkdir(parents=True)
+    stores[1].fail(ended, {"detail": "x"}, {})
+    discard_scratch(tmp_path, stores[1].running)
+    assert list((tmp_path / "scratch").iterdir()) == [scratch_of(tmp_path, runs)]
