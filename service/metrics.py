@@ -71,7 +71,8 @@ class Metrics:
         if job.confidence is not None:
             self._confidence.observe(job.confidence)
         if job.source.url is not None or job.target.url is not None:
-            self._fetches.labels("failed" if error == "fetch-failed" else "done").inc()
+            failed = error.startswith("fetch-") or error == "address-refused"
+            self._fetches.labels("failed" if failed else "done").inc()
 
     def watch(self, store: JobStore) -> None:
         """Read the store, and the memory of this process and its workers, at each scrape."""

@@ -90,6 +90,34 @@ class FetchError(ServiceError):
     """A URL could not be fetched."""
 
 
+class FetchNameError(FetchError):
+    """The URL's host has no address."""
+
+
+class FetchTlsError(FetchError):
+    """The URL's server is not who it should be, or does not speak TLS."""
+
+
+class FetchStatusError(FetchError):
+    """The URL's server answered, but did not give the file."""
+
+
+class FetchTooLargeError(FetchError):
+    """The URL gives more than may be fetched."""
+
+
+class FetchTooSlowError(FetchError):
+    """The URL's file did not come in time."""
+
+
+class FetchUnreachableError(FetchError):
+    """No connection to the URL's server could be made."""
+
+
+class FetchCutError(FetchError):
+    """The connection to the URL's server ended early."""
+
+
 class QueueFullError(ServiceError):
     """As many registrations wait as may wait."""
 
@@ -162,6 +190,11 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     ResultNotReadyError: ProblemType(409, "result-not-ready", "There is no result"),
     AddressRefusedError: ProblemType(403, "address-refused", "The URL may not be called"),
     FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),
+    FetchNameError: ProblemType(422, "fetch-name", "The URL's host is unknown"),
+    FetchTlsError: ProblemType(422, "fetch-tls", "The URL's server cannot be trusted"),
+    FetchStatusError: ProblemType(422, "fetch-status", "The URL does not give a file"),
+    FetchTooLargeError: ProblemType(422, "fetch-too-large", "The URL's file is too large"),
+    FetchTooSlowError: ProblemType(422, "fetch-too-slow", "The URL's file comes too slowly"),
     QueueFullError: ProblemType(429, "queue-full", "The queue is full"),
     RateLimitedError: ProblemType(429, "rate-limited", "Too many requests"),
     QuotaExceededError: ProblemType(429, "quota-exceeded", "The tenant's share is used up"),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from importlib.util import find_spec
+from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, SecretStr, field_validator, model_validator
+from pydantic import BeforeValidator, Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 MEBIBYTE = 2**20
@@ -28,6 +29,18 @@ def _default_workers() -> int:
 def _default_job_memory() -> int:
     physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return max(1024 * MEBIBYTE, int(0.8 * physical) // _default_workers())
+
+
+def _parts(value: object) -> object:
+    if isinstance(value, str):
+        return tuple(part.strip() for part in value.split(",") if part.strip())
+    return value
+
+
+Listed = (NoDecode, BeforeValidator(_parts))
+Ports = Annotated[tuple[Annotated[int, Field(ge=1, le=65535)], ...], *Listed]
+Networks = Annotated[tuple[IPv4Network | IPv6Network, ...], *Listed]
+Names = Annotated[tuple[str, ...], *Listed]
 
 
 class Settings(BaseSettings):
@@ -103,13 +116,44 @@ class Settings(BaseSettings):
     min_free_memory_bytes: int = Field(
         default=256 * MEBIBYTE, ge=0, description="With less memory left, they are answered 503."
     )
+    url_fetching: bool = Field(default=True, description="Whether clouds are fetched from URLs.")
     url_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
-        description="Hosts, comma-separated, that clouds may be fetched from; empty: no fetching.",
+        description="Hosts, comma-separated, that clouds may be fetched from; empty: all public.",
+    )
+    url_ports: Ports = Field(
+        default=(),
+        description="Ports, comma-separated, of those hosts; empty: 80, 443 and all from 1024.",
+    )
+    private_networks: Networks = Field(
+        default=(),
+        description="Networks, comma-separated (10.1.0.0/16), that URLs and callbacks may reach "
+        "though they are not public.",
     )
     url_timeout_s: float = Field(
-        default=60, gt=0, description="Seconds within which a cloud must have been fetched."
+        default=300, gt=0, description="Seconds within which a cloud must have been fetched."
     )
+    url_stall_s: float = Field(
+        default=20,
+        gt=0,
+        description="Longest wait for its next bytes, in seconds; the time to measure its speed.",
+    )
+    url_min_bytes_s: float = Field(
+        default=1000, ge=0, description="Least speed of a cloud that is fetched, in bytes a second."
+    )
+    s3_buckets: Names = Field(
+        default=(),
+        description="Buckets, comma-separated, that s3:// addresses may name; empty: none. Needs "
+        "the extra `s3`.",
+    )
+    s3_endpoint: str | None = Field(
+        default=None, description="Address of the server that holds them; unset: Amazon's."
+    )
+    s3_region: str = Field(default="us-east-1", description="Region of the buckets.")
+    s3_access_key_id: str | None = Field(
+        default=None, description="Key to read them with; unset: as the AWS_ variables say."
+    )
+    s3_secret_access_key: SecretStr | None = Field(default=None, description="Secret of that key.")
     require_keys: bool = Field(
         default=False, description="Whether callers need a key even before the first was made."
     )
@@ -188,6 +232,12 @@ class Settings(BaseSettings):
     def _sign_callbacks(self) -> Settings:
         if self.webhook_hosts and self.webhook_secret is None:
             raise ValueError("MPE_WEBHOOK_HOSTS allows callbacks: set MPE_WEBHOOK_SECRET too")
+        return self
+
+    @model_validator(mode="after")
+    def _can_sign(self) -> Settings:
+        if self.s3_buckets and find_spec("obstore") is None:
+            raise ValueError("MPE_S3_BUCKETS names buckets: install the extra s3 (obstore)")
         return self
 
     @property

@@ -56,6 +56,13 @@ class BlobWriter:
         self._hash.update(chunk)
         self._size += len(chunk)
 
+    def restart(self) -> None:
+        """Forget what was written so far."""
+        self._file.seek(0)
+        self._file.truncate()
+        self._hash = hashlib.sha256()
+        self._size = 0
+
     def commit(self) -> Blob:
         """Make the blob durable under its name and return it."""
         self._file.flush()

@@ -14,11 +14,11 @@ from service.body import read_multipart, read_text
 from service.clouds import recognised
 from service.core import Service
 from service.errors import invalid_request
+from service.fetching import FetchRules, check_callback, check_source
 from service.jobs.job import CloudInput
 from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
-from service.sources import check_address
 from service.storage import Blob
 
 CLOUDS = ("source", "target")
@@ -57,8 +57,7 @@ async def read_submission(request: Request, service: Service, tenant: str) -> Su
             headers={"Accept-Post": "multipart/form-data, application/json"},
         )
     if submission.parameters.callback_url is not None:
-        callback = str(submission.parameters.callback_url)
-        check_address(callback, service.settings.webhook_hosts, "MPE_WEBHOOK_HOSTS")
+        check_callback(submission.parameters.callback_url, service.settings)
     return submission
 
 
@@ -127,6 +126,6 @@ def _from_json(body: bytes, service: Service, tenant: str) -> Submission:
 def _referred(reference: CloudReference, service: Service, tenant: str) -> CloudInput:
     if reference.cloud is not None:
         return service.clouds.use(tenant, reference.cloud)
-    url = str(reference.url)
-    check_address(url, service.settings.url_hosts, "MPE_URL_HOSTS")
-    return CloudInput(url=url)
+    assert reference.url is not None  # noqa: S101
+    check_source(reference.url, FetchRules.of(service.settings))
+    return CloudInput(url=reference.url)

@@ -7,6 +7,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from service.fetching import forget_removed
 from service.jobs.prepared import PreparedClouds
 from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
 from service.jobs.scratch import discard_scratch
@@ -47,6 +48,7 @@ class Upkeep:
         oldest = time.time() - service.settings.blob_grace_s
         removed = service.blobs.collect(lambda: needed_blobs(database), older_than=oldest)
         self._prepared.collect(referable_blobs(database))
+        forget_removed(service.settings.data_dir, service.blobs)
         if removed:
             log.info("removed %d unused files", removed)
 

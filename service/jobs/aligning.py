@@ -13,6 +13,7 @@ import numpy as np
 
 from service.formats import read_points, write_cloud
 from service.jobs.confinement import Limits, confine
+from service.jobs.seal import seal_off_network
 from service.moved import merged, moved
 from service.problems import JobTimeoutError, ServiceError
 
@@ -63,6 +64,7 @@ def main() -> None:
     """The child: reads the alignment from its standard input."""
     wanted = Alignment(**json.load(sys.stdin))
     confine(Limits(memory_bytes=wanted.memory_bytes, cpu_s=int(wanted.timeout_s) + 10))
+    seal_off_network()
     source = read_points(wanted.source, **wanted.source_reading, attributes=True)
     cloud = moved(source, np.array(wanted.transform))
     if wanted.target is not None:

@@ -1,4 +1,4 @@
-"""One attempt at a job: runs in a child process of its own and reports through a pipe."""
+"""One task of an attempt: runs in a child process of its own and reports through a pipe."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ from service.jobs.confinement import (
     die_with_parent,
     name_process,
 )
+from service.jobs.fetch import fetched
 from service.jobs.job import CloudInput, Outcome
 from service.jobs.prepared import PreparedClouds
-from service.jobs.task import Task
+from service.jobs.seal import seal_off_network
+from service.jobs.task import FetchTask, Task
 from service.logs import job_id
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.result import inlier_array, result_document
-from service.sources import fetch
 from service.storage import Blob, BlobStore
 
 Report = Callable[[str, float], None]
@@ -40,6 +41,8 @@ PROGRESS_EVERY_S = 0.2
 READING_SHARE = 0.1
 """Share of an attempt's progress that stands for fetching and decoding."""
 WORKER_NICENESS = 10  # the API answers first
+
+log = logging.getLogger(__name__)
 
 
 def stand_by(connection: Connection) -> None:
@@ -50,21 +53,29 @@ def stand_by(connection: Connection) -> None:
     name_process(IDLE_NAME)
     send(connection, {"ready": True})
     try:
-        task: Task = connection.recv()
+        task: FetchTask | Task = connection.recv()
     except EOFError:
         return  # the service needs it no more
     run(task, connection)
 
 
-def run(task: Task, connection: Connection) -> None:
-    """Confine this process, do the work, send the outcome or the problem."""
+def run(task: FetchTask | Task, connection: Connection) -> None:
+    """Confine this process, do the work, send what came of it or the problem."""
     name_process(BUSY_NAME)
     confine(task.limits)
     os.nice(WORKER_NICENESS)
     job_id.set(task.job_id)
     tempfile.tempdir = str(task.scratch)
-    numba.set_num_threads(min(task.threads, numba.config.NUMBA_NUM_THREADS))
+    if isinstance(task, Task):
+        seal()
+        numba.set_num_threads(min(task.threads, numba.config.NUMBA_NUM_THREADS))
     send(connection, _answer(task, _throttled(connection)))
+
+
+def seal() -> None:
+    """Take the network away, or say that it cannot be."""
+    if not seal_off_network():
+        log.warning("this system has no seccomp: the process that decodes files keeps its network")
 
 
 def send(connection: Connection, message: dict[str, Any]) -> None:
@@ -72,9 +83,13 @@ def send(connection: Connection, message: dict[str, Any]) -> None:
     connection.send_bytes(json.dumps(message).encode())
 
 
-def _answer(task: Task, report: Report) -> dict[str, Any]:
+def _answer(task: FetchTask | Task, report: Report) -> dict[str, Any]:
     timing: dict[str, float] = {}
     try:
+        if isinstance(task, FetchTask):
+            with _timed(timing, "fetch_s"):
+                found = fetched(task, report)
+            return {"fetched": found, "timing": timing}
         return {"outcome": asdict(perform(task, report, timing))}
     except MemoryError:
         limit = task.limits.memory_bytes / 2**20
@@ -83,7 +98,7 @@ def _answer(task: Task, report: Report) -> dict[str, Any]:
         error = caught
     kind = problem_type(error)
     if kind is INTERNAL:
-        logging.getLogger(__name__).error("unexpected error in a worker", exc_info=error)
+        log.error("unexpected error in a worker", exc_info=error)
         return {
             "error": problem(kind, "The worker failed; the error was logged."),
             "timing": timing,
@@ -92,15 +107,12 @@ def _answer(task: Task, report: Report) -> dict[str, Any]:
 
 
 def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
-    """Fetch, decode, register, store the result; fills in the seconds of each stage."""
+    """Decode, register, store the result; fills in the seconds of each stage."""
     blobs = BlobStore(task.data_dir, incoming=task.scratch)
-    with _timed(timing, "fetch_s"):
-        source = _fetched(task.source, task, blobs, report)
-        target = _fetched(task.target, task, blobs, report)
     with _timed(timing, "decode_s"):
         report("decode", READING_SHARE / 2)
-        source_cloud = _decoded("source", source, task, blobs)
-        target_cloud = _decoded("target", target, task, blobs)
+        source_cloud = _decoded("source", task.source, task, blobs)
+        target_cloud = _decoded("target", task.target, task, blobs)
     found = _registered(source_cloud, target_cloud, task, report)
     timing |= {f"{stage}_s": s for stage, s in found.timing.items() if stage != "total"}
     with _timed(timing, "store_s"):
@@ -111,8 +123,8 @@ def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
         inliers_sha256=inliers.sha256,
         result_bytes=result.size + inliers.size,
         confidence=found.confidence,
-        source=source,
-        target=target,
+        source=task.source,
+        target=task.target,
         timing=timing,
         warnings=[*source_cloud.warnings, *target_cloud.warnings, *found.warnings],
     )
@@ -126,14 +138,6 @@ def _registered(
 
     options = RegistrationOptions(**task.options)
     return register(source.points, target.points, options, on_progress=on_progress)
-
-
-def _fetched(cloud: CloudInput, task: Task, blobs: BlobStore, report: Report) -> CloudInput:
-    if cloud.sha256 is not None or cloud.url is None:
-        return cloud
-    report("fetch", 0.0)
-    blob = fetch(cloud.url, task.fetch_rules, blobs)
-    return replace(cloud, sha256=blob.sha256, size=blob.size)
 
 
 def _decoded(role: str, cloud: CloudInput, task: Task, blobs: BlobStore) -> DecodedCloud:

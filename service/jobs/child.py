@@ -14,7 +14,7 @@ import time
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from service.jobs.task import Task, stand_by
+from service.jobs.task import FetchTask, Task, stand_by
 
 MAX_MESSAGE_BYTES = 1 << 20
 START_TRIES = 3
@@ -74,7 +74,7 @@ class Child:
         """Whether the process has not ended."""
         return not wait([self._process.sentinel], timeout=0)
 
-    def hand(self, task: Task) -> None:
+    def hand(self, task: FetchTask | Task) -> None:
         """Give the child its task; ChildLostError when it is gone."""
         try:
             self._connection.send(task)

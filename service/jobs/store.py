@@ -139,6 +139,11 @@ class JobStore:
         """Record how far the attempt is; False when it is no longer the job's."""
         return self._change(_mine(job), job.id, stage=stage, fraction=fraction)
 
+    def fetched(self, job: JobRow) -> bool:
+        """Record that its clouds are here; False when the attempt is no longer the job's."""
+        values = {"source": asdict(job.source), "target": asdict(job.target), "timing": job.timing}
+        return self._change(_mine(job), job.id, **values)
+
     def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
         """Commit a result; False when the attempt is no longer the job's."""
         values = asdict(outcome) | {"work_key": work_key}

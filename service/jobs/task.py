@@ -7,14 +7,28 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from service.fetching import FetchRules
 from service.jobs.confinement import Limits
 from service.jobs.job import CloudInput
-from service.sources import FetchRules
+
+
+@dataclass(frozen=True, slots=True)
+class FetchTask:
+    """All that is needed to fetch the clouds of a job that are not here yet."""
+
+    job_id: str
+    tenant: str
+    source: CloudInput
+    target: CloudInput
+    data_dir: Path
+    scratch: Path
+    limits: Limits
+    rules: FetchRules
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """All that one attempt needs to know."""
+    """All that is needed to decode and register two clouds that are here."""
 
     job_id: str
     tenant: str
@@ -25,7 +39,6 @@ class Task:
     scratch: Path
     threads: int
     limits: Limits
-    fetch_rules: FetchRules
 
 
 def stand_by(connection: Connection) -> None:

@@ -12,17 +12,17 @@ import threading
 import time
 from typing import Any
 
-import httpx
-
 from service.documents import summary
+from service.fetching import Door, Stopwatch, TimeBounds, callback_rules, parse_url
 from service.jobs.deliveries import Delivery, DeliveryStore
 from service.jobs.job import JobRow
 from service.jobs.store import JobStore
+from service.problems import ServiceError
 from service.settings import Settings
 
 SENDERS = 4
 POLL_S = 0.5
-TIMEOUT_S = 10.0
+BOUNDS = TimeBounds(total_s=10, stall_s=10)
 MAX_DELAY_S = 3600.0
 
 log = logging.getLogger(__name__)
@@ -42,6 +42,7 @@ class Webhooks:
         self._store = store
         self._deliveries = deliveries
         self._settings = settings
+        self._door = Door(callback_rules(settings))
         self._stopping = threading.Event()
         self._threads = [
             threading.Thread(target=self._serve, name=f"webhooks-{i}", daemon=True)
@@ -60,24 +61,22 @@ class Webhooks:
         self._stopping.set()
 
     def _serve(self) -> None:
-        client = httpx.Client(trust_env=False, follow_redirects=False, timeout=TIMEOUT_S)
-        with client:
-            while not self._stopping.is_set():
-                try:
-                    delivery = self._deliveries.claim()
-                    if delivery is None:
-                        self._stopping.wait(POLL_S)
-                    else:
-                        self._send(client, delivery)
-                except Exception:
-                    log.exception("a webhook thread met an unexpected error and goes on")
+        while not self._stopping.is_set():
+            try:
+                delivery = self._deliveries.claim()
+                if delivery is None:
                     self._stopping.wait(POLL_S)
+                else:
+                    self._send(delivery)
+            except Exception:
+                log.exception("a webhook thread met an unexpected error and goes on")
+                self._stopping.wait(POLL_S)
 
-    def _send(self, client: httpx.Client, delivery: Delivery) -> None:
+    def _send(self, delivery: Delivery) -> None:
         job = self._store.get(delivery.job_id)
         if job is None:
             return  # removed meanwhile, and its deliveries with it
-        tried = self._post(client, delivery, job)
+        tried = self._post(delivery, job)
         code = tried["status_code"]
         if code is not None and 200 <= code < 300:
             self._deliveries.tried(delivery, tried, "delivered", None)
@@ -92,7 +91,7 @@ class Webhooks:
         exact: float = min(MAX_DELAY_S, self._settings.webhook_retry_s * 2**tries)
         return exact * random.uniform(0.8, 1.2)  # noqa: S311
 
-    def _post(self, client: httpx.Client, delivery: Delivery, job: JobRow) -> dict[str, Any]:
+    def _post(self, delivery: Delivery, job: JobRow) -> dict[str, Any]:
         assert job.callback_url is not None  # noqa: S101
         assert self._settings.webhook_secret is not None  # noqa: S101
         now = time.time()
@@ -106,8 +105,9 @@ class Webhooks:
             "Webhook-Signature": sign(secret, delivery.id, int(now), body),
         }
         try:
+            url, watch = parse_url(job.callback_url), Stopwatch(BOUNDS)
             # the answer's body is of no interest, and may be endless
-            with client.stream("POST", job.callback_url, content=body, headers=headers) as answer:
-                return {"at": now, "status_code": answer.status_code, "error": None}
-        except httpx.HTTPError as error:
-            return {"at": now, "status_code": None, "error": type(error).__name__}
+            with self._door.call("POST", url, watch, headers=headers, content=body) as answer:
+                return {"at": now, "status_code": answer.status, "error": None}
+        except ServiceError as error:
+            return {"at": now, "status_code": None, "error": str(error)}

@@ -6,21 +6,22 @@ import logging
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from service.fetching import FetchRules
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
+from service.jobs.fetch import is_needed
 from service.jobs.job import CloudInput, JobRow, Outcome, is_terminal
 from service.jobs.scratch import scratch_of
 from service.jobs.standby import Standby
 from service.jobs.store import JobStore
-from service.jobs.task import Task
+from service.jobs.task import FetchTask, Task
 from service.jobs.work import work_key
 from service.problems import DeadlineError, JobTimeoutError, ServiceError, error_problem
 from service.settings import Settings
-from service.sources import FetchRules
 from service.storage import BlobStore
 
 LEASE_S = 30.0
@@ -51,7 +52,7 @@ class Worker:
         scratch = scratch_of(self.settings.data_dir, job)
         scratch.mkdir(parents=True)
         try:
-            self._attempt(job, self._task(job, scratch))
+            self._attempt(job, scratch)
         except ChildLostError as lost:
             if self.store.lose(job, str(lost)):
                 log.warning("attempt %d was lost: %s", job.attempt, lost)
@@ -66,30 +67,42 @@ class Worker:
             log.info("registration %s", row.status, extra={"attempt": row.attempt})
             self.ended(row)
 
-    def _attempt(self, job: JobRow, task: Task) -> None:
+    def _attempt(self, job: JobRow, scratch: Path) -> None:
+        bound = self._bound(job)
+        here: JobRow | None = job
+        if is_needed(job.source) or is_needed(job.target):
+            fetched = self._perform(job, self._fetch_task(job, scratch), bound)
+            here = None if fetched is None else self._record_fetched(job, fetched)
+        if here is not None:
+            answer = self._perform(here, self._task(here, scratch), bound)
+            if answer is not None:
+                self._conclude(here, answer)
+
+    def _perform(self, job: JobRow, task: FetchTask | Task, bound: _Bound) -> dict[str, Any] | None:
+        """What a child answers to the task; None when it had to end before."""
         child = self.standby.take()
-        answered = False
+        answer = None
         try:
             self.started(job, child)
             child.hand(task)
-            answered = self._follow(job, child)
+            answer = self._follow(job, child, bound)
         finally:
             child.kill()
-            if answered:
-                self.standby.let_end(child)
-            else:
+            if answer is None:
                 child.close()
+            else:
+                self.standby.let_end(child)
+        return answer
 
-    def _follow(self, job: JobRow, child: Child) -> bool:
-        """Record what the child says; True when it has given its answer, False when it must end."""
-        bound = self._bound(job)
+    def _follow(self, job: JobRow, child: Child, bound: _Bound) -> dict[str, Any] | None:
+        """Record how far the child is, until it answers; None when it must end."""
         beat = time.time() + HEARTBEAT_S
         mine = True
         while mine:
             now = time.time()
             if now >= bound.at:
                 self.store.fail(job, error_problem(bound.error), {})
-                return False
+                return None
             message = child.receive(min(bound.at - now, LOOK_S))
             if now >= beat:
                 mine = self.store.heartbeat(job, lease_s=LEASE_S)
@@ -98,33 +111,38 @@ class Worker:
                 mine = self.store.holds(job)
             if message is None:
                 continue
-            answered = self._conclude(job, message)
-            if not answered:
-                mine = self.store.progress(job, message["stage"], message["fraction"])
+            if "stage" not in message:
+                return message
+            mine = self.store.progress(job, message["stage"], message["fraction"])
             self.announce(job.id)
-            if answered:
-                return True
-            self.standby.begin()  # for the next job, while this one runs
-        return False
+            self.standby.begin()  # for the next task, while this one runs
+        return None
 
-    def _conclude(self, job: JobRow, message: dict[str, Any]) -> bool:
-        if "outcome" in message:
-            outcome = _outcome(message["outcome"])
+    def _record_fetched(self, job: JobRow, answer: dict[str, Any]) -> JobRow | None:
+        """The job with its clouds here; None when it is not to be gone on with."""
+        if "error" in answer:
+            self.store.fail(job, answer["error"], answer["timing"])
+            return None
+        source, target = _clouds(answer["fetched"])
+        self._keep(source.sha256, target.sha256)
+        here = replace(job, source=source, target=target, timing=answer["timing"])
+        return here if self.store.fetched(here) else None
+
+    def _conclude(self, job: JobRow, answer: dict[str, Any]) -> None:
+        if "error" in answer:
+            self.store.fail(job, answer["error"], job.timing | answer["timing"])
+        else:
+            outcome = _outcome(answer["outcome"], job.timing)
             self._keep(outcome.result_sha256, outcome.inliers_sha256)
             self.store.succeed(job, outcome, work_key(outcome.source, outcome.target, job.options))
-        elif "error" in message:
-            self.store.fail(job, message["error"], message["timing"])
-        else:
-            return False
-        return True
 
-    def _keep(self, *blobs: str) -> None:
+    def _keep(self, *blobs: str | None) -> None:
         """Spare what the child has stored until the row refers to it."""
         try:
-            for sha256 in blobs:
+            for sha256 in filter(None, blobs):
                 self.blobs.touch(sha256)
         except FileNotFoundError as error:
-            raise ChildLostError("its result was removed before it was recorded") from error
+            raise ChildLostError("what it stored was removed before it was recorded") from error
 
     def _bound(self, job: JobRow) -> _Bound:
         """When the attempt must end, and why then."""
@@ -136,9 +154,24 @@ class Worker:
             bounds.append(_Bound(job.deadline_at, late))
         return min(bounds, key=lambda bound: bound.at)
 
+    def _limits(self) -> Limits:
+        cpu_s = int(self.settings.threads * self.settings.job_timeout_s) + 10
+        return Limits(memory_bytes=self.settings.job_memory_bytes, cpu_s=cpu_s)
+
+    def _fetch_task(self, job: JobRow, scratch: Path) -> FetchTask:
+        return FetchTask(
+            job_id=job.id,
+            tenant=job.tenant,
+            source=job.source,
+            target=job.target,
+            data_dir=self.settings.data_dir,
+            scratch=scratch,
+            limits=self._limits(),
+            rules=FetchRules.of(self.settings),
+        )
+
     def _task(self, job: JobRow, scratch: Path) -> Task:
         settings = self.settings
-        cpu_s = int(settings.threads * settings.job_timeout_s) + 10
         return Task(
             job_id=job.id,
             tenant=job.tenant,
@@ -148,8 +181,7 @@ class Worker:
             data_dir=settings.data_dir,
             scratch=scratch,
             threads=settings.threads,
-            limits=Limits(memory_bytes=settings.job_memory_bytes, cpu_s=cpu_s),
-            fetch_rules=FetchRules.of(settings),
+            limits=self._limits(),
         )
 
 
@@ -160,6 +192,11 @@ class _Bound:
     error: ServiceError
 
 
-def _outcome(message: dict[str, Any]) -> Outcome:
-    source, target = CloudInput(**message.pop("source")), CloudInput(**message.pop("target"))
-    return Outcome(source=source, target=target, **message)
+def _clouds(message: dict[str, Any]) -> tuple[CloudInput, CloudInput]:
+    return CloudInput(**message["source"]), CloudInput(**message["target"])
+
+
+def _outcome(message: dict[str, Any], timing: dict[str, float]) -> Outcome:
+    source, target = _clouds(message)
+    said = {"source": source, "target": target, "timing": timing | message["timing"]}
+    return Outcome(**message | said)

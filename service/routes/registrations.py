@@ -77,7 +77,8 @@ async def create(
     """Answers 202 with the job, or with `Prefer: wait=N` 200 when it ends within N seconds.
 
     When it ends in time because of its input (a file that cannot be read, too few points, ...),
-    the answer is the problem document, status 422, and `job` in it names the failed job.
+    the answer is the problem document, status 422 (403 for an address that may not be called),
+    and `job` in it names the failed job.
     """
     idempotency = None if key is None else Idempotency(key, submission.fingerprint())
     job = await run_in_threadpool(
@@ -178,15 +179,16 @@ def _new_job(submission: Submission, tenant: str) -> JobRow:
         labels=wanted.labels,
         priority=wanted.priority,
         deadline_at=None if wanted.deadline_s is None else now + wanted.deadline_s,
-        callback_url=None if wanted.callback_url is None else str(wanted.callback_url),
+        callback_url=wanted.callback_url,
         work_key=work_key(submission.source, submission.target, options),
     )
 
 
 def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Response:
     headers = {"Location": f"{router.prefix}/{job.id}", **_applied(wait_s)}
-    if job.error is not None and job.error["status"] == 422:
-        return ProblemResponse({**job.error, "job": job.id}, status_code=422, headers=headers)
+    if job.error is not None and job.error["status"] < 500:
+        problem = {**job.error, "job": job.id}
+        return ProblemResponse(problem, status_code=problem["status"], headers=headers)
     ended = is_terminal(job.status)
     if not ended:
         headers["Retry-After"] = str(RETRY_AFTER_S)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, ConfigDict, Field, HttpUrl, StringConstraints, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, StringConstraints, model_validator
 
 from service.formats import FORMATS
 from service.options import Options, StrictModel
 
+Address = Field(max_length=8192, json_schema_extra={"format": "uri"})
 FORMAT_NAMES = tuple(item.name for item in FORMATS)
 LabelName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 Labels = Annotated[
@@ -40,9 +41,10 @@ class CloudReference(StrictModel):
     model_config = ConfigDict(json_schema_extra={"oneOf": [_only("cloud"), _only("url")]})
 
     cloud: str | None = Field(None, max_length=64, description="Id of a stored cloud.")
-    url: Annotated[HttpUrl, Field(strict=False)] | None = Field(
+    url: Annotated[str, Address, Field(pattern="^(https?|s3)://")] | None = Field(
         None,
-        description="http or https address on a host that MPE_URL_HOSTS names.",
+        description="http or https address of the public network, or s3://bucket/key, as far as "
+        "the settings allow it. Queries are not shown again.",
         examples=["https://scans.example.org/door-2.ply"],
     )
 
@@ -102,7 +104,7 @@ class RegistrationParameters(StrictModel):
     deadline_s: float | None = Field(
         None, gt=0, le=604_800, description="Give up after this long from now, in seconds."
     )
-    callback_url: Annotated[HttpUrl, Field(strict=False)] | None = Field(
+    callback_url: Annotated[str, Address, Field(pattern="^https?://")] | None = Field(
         None,
         description="Called with a signed POST when the registration has ended; http or https, on "
         "a host that MPE_WEBHOOK_HOSTS names.",

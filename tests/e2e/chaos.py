@@ -33,6 +33,7 @@ from tests.waiting import until
 SETTINGS = {
     "webhook_hosts": "127.0.0.1",
     "webhook_secret": "chaos",
+    "private_networks": "127.0.0.0/8",
     "webhook_retry_s": 0.2,
     "blob_grace_s": 10,
     "upkeep_interval_s": 0.5,

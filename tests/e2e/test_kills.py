@@ -59,7 +59,7 @@ class Drip(BaseHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     directory = tmp_path_factory.mktemp("kills")
-    with running_server(directory, url_hosts="127.0.0.1") as running:
+    with running_server(directory, private_networks="127.0.0.0/8") as running:
         yield running
 
 

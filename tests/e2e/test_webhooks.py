@@ -36,7 +36,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 def calling_server(directory: Path) -> Any:
     return running_server(
-        directory, webhook_hosts="127.0.0.1", webhook_secret=SECRET, webhook_retry_s=0.2
+        directory,
+        webhook_hosts="127.0.0.1,127.0.0.2,localhost",
+        webhook_secret=SECRET,
+        webhook_retry_s=0.2,
+        private_networks="127.0.0.1/32,::1/128",
     )
 
 
@@ -112,8 +116,22 @@ def test_calls_survive_a_crash(tmp_path: Path, receiver: Receiver) -> None:
         assert len(log["tries"]) >= 1
 
 
+def test_why_no_call_came_through_is_told_without_the_query(server: Server) -> None:
+    job = submit(server, "http://localhost:14999/?token=secret")
+    (log,) = until(lambda: [item for item in deliveries(server, job) if item["tries"]])
+    assert log["tries"][0]["status_code"] is None
+    assert "cannot be reached" in log["tries"][0]["error"]
+    assert "secret" not in server.client.get(f"/v1/registrations/{job['id']}").text
+
+
+def test_a_host_on_a_private_network_is_not_called(server: Server) -> None:
+    response = server.submit(CLOUD, CLOUD, callback_url="http://127.0.0.2:8080/")
+    assert response.status_code == 403
+    assert "public network" in response.json()["detail"]
+
+
 def test_other_hosts_are_not_called(server: Server) -> None:
-    response = server.submit(CLOUD, CLOUD, callback_url="http://localhost:9/")
+    response = server.submit(CLOUD, CLOUD, callback_url="http://example.org/")
     assert response.status_code == 403
     assert response.json()["type"] == "urn:mpe:problem:address-refused"
     assert "MPE_WEBHOOK_HOSTS" in response.json()["detail"]

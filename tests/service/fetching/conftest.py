@@ -1,0 +1,58 @@
+"""A web server for each test, and names that lead to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from service.fetching.door import Door
+from service.fetching.download import Download
+from service.fetching.known import KnownFiles
+from service.fetching.rules import Rules
+from service.fetching.stopwatch import TimeBounds
+from service.fetching.urls import parse_url
+from service.storage import Blob, BlobStore
+from tests.service.fetching.web import OPEN, Names, Web, serving
+
+Fetch = Callable[..., Blob]
+
+
+@pytest.fixture
+def web() -> Iterator[Web]:
+    with serving() as running:
+        yield running
+
+
+@pytest.fixture
+def names() -> Names:
+    return Names()
+
+
+@pytest.fixture
+def blobs(tmp_path: Path) -> BlobStore:
+    return BlobStore(tmp_path)
+
+
+@pytest.fixture
+def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
+    """Downloads as the service does, with names and bounds of the tests' own."""
+
+    def fetched(
+        url: str,
+        rules: Rules = OPEN,
+        *,
+        tenant: str = "",
+        max_bytes: int = 10**6,
+        total_s: float = 20,
+        stall_s: float = 10,
+        min_bytes_s: float = 0,
+        tls: object = None,
+    ) -> Blob:
+        known = KnownFiles(tmp_path / "fetched", blobs, tenant)
+        bounds = TimeBounds(total_s, stall_s, min_bytes_s)
+        door = Door(rules, resolve=names, tls=tls)
+        return Download(door, blobs, known, bounds=bounds, max_bytes=max_bytes).run(parse_url(url))
+
+    return fetched
