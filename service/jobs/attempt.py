@@ -79,8 +79,14 @@ def seal() -> None:
 
 
 def send(connection: Connection, message: dict[str, Any]) -> None:
-    """Messages are JSON: the parent never unpickles what a child sends."""
-    connection.send_bytes(json.dumps(message).encode())
+    """Messages are JSON: the parent never unpickles what a child sends.
+
+    Ends this process when nobody listens any more: what it does has become void.
+    """
+    try:
+        connection.send_bytes(json.dumps(message).encode())
+    except ConnectionError:
+        raise SystemExit from None
 
 
 def _answer(task: FetchTask | Task, report: Report) -> dict[str, Any]:

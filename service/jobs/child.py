@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -26,6 +27,9 @@ BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _context = multiprocessing.get_context("forkserver")
 # multiprocessing polls and closes processes of all threads in start(): one thread at a time
 _processes = threading.Lock()
+# Linux ends a process with the very thread that started it: a worker thread that ends, while others
+# go on, would take the forkserver and all its children along
+_starter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="starter")
 
 
 class ChildLostError(Exception):
@@ -58,7 +62,7 @@ class Child:
         self._closed = False
         self._has_spoken = False
         with theirs, _processes:
-            _start(self._process)
+            _starter.submit(_start, self._process).result()
 
     def is_ready(self, timeout_s: float) -> bool:
         """Whether the child has said within the time that it is there; False when it died."""
