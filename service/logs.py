@@ -59,6 +59,7 @@ def configure_logs(level: str) -> None:
             "root": {"level": level, "handlers": ["stderr"]},
             "loggers": {
                 "uvicorn.access": {"level": "WARNING"},
+                "alembic.runtime.migration": {"level": "WARNING"},
                 # these tell of addresses, headers and bodies
                 "httpx": {"level": "WARNING"},
                 "httpcore": {"level": "WARNING"},

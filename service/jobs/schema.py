@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 from alembic import command
@@ -12,6 +13,8 @@ from sqlalchemy import Connection, Integer, column, inspect, select, table, text
 
 STEPS = Path(__file__).parent.parent / "migrations"
 
+log = logging.getLogger(__name__)
+
 
 def migrate(connection: Connection, *, to: str = "head", steps: Path = STEPS) -> None:
     """Bring the store to a version, within the caller's transaction.
@@ -21,12 +24,18 @@ def migrate(connection: Connection, *, to: str = "head", steps: Path = STEPS) ->
     config = Config(attributes={"connection": connection})
     config.set_main_option("script_location", str(steps).replace("%", "%%"))
     _number(connection, config)
-    _check_version(connection, ScriptDirectory.from_config(config))
+    found = _version(connection)
+    _check_version(found, ScriptDirectory.from_config(config))
     command.upgrade(config, to)
+    if found != (reached := _version(connection)):
+        log.info("the job store was brought from version %s to %s", found or "0", reached)
 
 
-def _check_version(connection: Connection, known: ScriptDirectory) -> None:
-    found = MigrationContext.configure(connection).get_current_revision()
+def _version(connection: Connection) -> str | None:
+    return MigrationContext.configure(connection).get_current_revision()
+
+
+def _check_version(found: str | None, known: ScriptDirectory) -> None:
     if found is not None and found not in {step.revision for step in known.walk_revisions()}:
         raise RuntimeError(
             f"the job store has version {found}, this release knows {known.get_current_head()}: "
