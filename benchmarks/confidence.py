@@ -19,6 +19,7 @@ from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.alignment import Alignment
 from mpe_core.cloud import as_pair, as_points
+from mpe_core.knowledge import Knowledge
 from mpe_core.rigid import apply
 from mpe_core.scan import scan
 from tests.checks import pose_error
@@ -59,10 +60,9 @@ def _foreign() -> list[Result]:
 def _judged(source: Array, target: Array, found: Registration) -> Result:
     """Confidence and verdict, and the evidence that they come from."""
     pair = as_pair(as_points(source), as_points(target))
-    T = found.T_target_source.copy()
-    T[:3, 3] += T[:3, :3] @ pair.source_centre - pair.target_centre
-    T[:3, 3] /= pair.unit
-    alignment = Alignment(scan(pair.source), scan(pair.target), RegistrationOptions())
+    T = pair.from_caller(found.T_target_source)
+    options = RegistrationOptions()
+    alignment = Alignment(scan(pair.source), scan(pair.target), Knowledge(), options)
     return {
         "confidence": found.confidence,
         "accepted": found.accepted,

@@ -12,6 +12,7 @@ from mpe_core.errors import (
     DegenerateCloudError,
     InvalidCloudError,
     InvalidOptionsError,
+    InvalidWeightsError,
     RegistrationError,
     TooFewPointsError,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "Inliers",
     "InvalidCloudError",
     "InvalidOptionsError",
+    "InvalidWeightsError",
     "Method",
     "Registration",
     "RegistrationError",

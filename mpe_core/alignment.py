@@ -13,6 +13,7 @@ from mpe_core.cells import CellList
 from mpe_core.confidence import Evidence, evidence, sharp_distance
 from mpe_core.field import NearestField, nearest_field
 from mpe_core.global_search import QUICK, WIDE, Candidates, Effort, distinct, find_poses
+from mpe_core.knowledge import Knowledge
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import Polished, TargetPlanes, point_to_plane
 from mpe_core.potential_polish import EPS, descend_potential
@@ -57,22 +58,27 @@ class Aligned:
 class Alignment:
     """Source and target prepared for polishing and judging any number of poses."""
 
-    def __init__(self, source: Scan, target: Scan, options: RegistrationOptions) -> None:
+    def __init__(
+        self, source: Scan, target: Scan, knowledge: Knowledge, options: RegistrationOptions
+    ) -> None:
         self.source, self.target, self._options = source, target, options
+        self._knowledge = knowledge
         rough = max(source.surface.roughness, target.surface.roughness)
         sparse = min(len(source.fine), len(target.fine)) <= POTENTIAL_POINTS
         self.noisy = rough > (NOISY_SPARSE if sparse else NOISY)
         # a noisy cloud has no planes worth the name: the smoother one is the reference then
         self._flipped = self.noisy and source.surface.roughness < target.surface.roughness
         fixed, moving = (source, target) if self._flipped else (target, source)
-        self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing)
+        self._motions = (knowledge.inverse() if self._flipped else knowledge).motions()
+        self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing, fixed.viewpoint)
         self._sample = moving.sample(options.seed)
         self._sharp = sharp_distance(max(source.surface.spacing, target.surface.spacing), rough)
         self._field: NearestField | None = None
 
     def judge(self, T: Pose) -> Evidence:
         """What speaks for a pose."""
-        return evidence(self._sample, self._planes, inverse(T) if self._flipped else T, self._sharp)
+        overlap = self._options.overlap or 1.0
+        return evidence(self._sample, self._planes, self._oriented(T), self._sharp, overlap)
 
     def spacing(self) -> float:
         """Point spacing of the reference's fine points, in radii of the smaller cloud."""
@@ -81,15 +87,17 @@ class Alignment:
     def distances(self, T: Pose) -> NDArray[np.float64]:
         """(up to POLISHED_POINTS,) distances of a sample at the pose T to the nearest fine points;
         infinite beyond the reach of the planes."""
-        moved = apply(inverse(T) if self._flipped else T, self._sample).astype(np.float32)
+        moved = apply(self._oriented(T), self._sample.points).astype(np.float32)
         return np.sqrt(self._planes.cells.nearest(moved)[1].astype(np.float64))
 
     def polish(self, T: Pose) -> Aligned:
         """The minimum next to a coarse pose."""
+        T = self._knowledge.level(T)
         if self.noisy:
             polished = self._polish_noisy(T)
         else:
-            polished = point_to_plane(self._sample, self._planes, T, self._options.max_iterations)
+            most = self._options.max_iterations
+            polished = point_to_plane(self._sample, self._planes, T, self._motions, most)
         return Aligned(polished, self.judge(polished.T))
 
     def _polish_noisy(self, T: Pose) -> Polished:
@@ -98,14 +106,22 @@ class Alignment:
         polished = Polished(T, False, 0)
         for _ in range(2):  # the noise is known once the pose is
             eps = EPS * _noise(x, y, polished.T)
-            polished = descend_potential(_some(x), _some(y), polished.T, eps, most)
+            polished = descend_potential(
+                _some(x), _some(y), polished.T, eps, self._knowledge.motions(), most
+            )
         return polished
 
     def search(self, effort: Effort, report: Callable[[float], None]) -> Candidates:
         """Candidate poses, best first."""
         if self._field is None:
             self._field = nearest_field(self.target.surface)
-        return find_poses(self.source.surface, self._field, effort, self._options.seed, report)
+        return find_poses(
+            self.source.surface, self._field, effort, self._knowledge, self._options.seed, report
+        )
+
+    def _oriented(self, T: Pose) -> Pose:
+        """The pose of the sample on the planes."""
+        return inverse(T) if self._flipped else T
 
 
 def align(alignment: Alignment, progress: Progress) -> list[Aligned]:

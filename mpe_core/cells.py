@@ -32,6 +32,18 @@ def thin(points: Points, size: float) -> Points:
     return means
 
 
+def thin_weighted(
+    points: Points, weights: NDArray[np.float64], size: float
+) -> tuple[Points, Points]:
+    """(K, 3) weighted means of the points (N, 3) in each occupied cube of edge `size`, and the mean
+    weight (K,) of each."""
+    _, _, cell, counts = number_cells(points, *grid(points, size))
+    total = np.bincount(cell, weights)
+    moments = [np.bincount(cell, weights * column) for column in points.T]
+    means: Points = np.ascontiguousarray((moments / total).T, np.float32)
+    return means, (total / counts).astype(np.float32)
+
+
 class CellList:
     """A fixed cloud (M, 3) in cubes of edge `reach`, asked for what lies within reach of any
     point."""

@@ -11,6 +11,7 @@ from mpe_core.errors import (
     CloudShapeError,
     CoordinateRangeError,
     DegenerateCloudError,
+    InvalidWeightsError,
     TooFewPointsError,
 )
 
@@ -38,6 +39,12 @@ class Cloud:
     """(N,) rows of the caller's array that the points came from."""
     dropped: int
     """Rows left out because of NaN or infinity."""
+    weights: NDArray[np.float64] | None = None
+    """(N,) the caller's weights K_i, at least 3 of them above 0."""
+
+    def heavy(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those of the rows (N, ...) whose points weigh anything."""
+        return rows if self.weights is None else rows[self.weights > 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +68,27 @@ class Pair:
         pose[:3, 3] = self.unit * T[:3, 3] + self.target_centre - T[:3, :3] @ self.source_centre
         return pose
 
+    def viewpoints(
+        self, source: tuple[float, ...] | None, target: tuple[float, ...] | None
+    ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+        """Two of the caller's points (3,), one in each cloud's frame, as the centred ones have
+        them."""
+        return (
+            None if source is None else (np.array(source) - self.source_centre) / self.unit,
+            None if target is None else (np.array(target) - self.target_centre) / self.unit,
+        )
 
-def as_points(cloud: ArrayLike, name: str = "cloud") -> Cloud:
-    """Check an (N, 3) array-like of real numbers and drop its rows with NaN or infinity.
+    def from_caller(self, T: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(4, 4) pose between the centred clouds for the pose T between the caller's."""
+        pose = T.copy()
+        moved = T[:3, :3] @ self.source_centre + T[:3, 3]
+        pose[:3, 3] = (moved - self.target_centre) / self.unit
+        return pose
+
+
+def as_points(cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None = None) -> Cloud:
+    """Check an (N, 3) array-like of real numbers and drop its rows with NaN or infinity, of the
+    coordinates or of the weights (N,).
 
     Raises
     ------
@@ -75,9 +100,14 @@ def as_points(cloud: ArrayLike, name: str = "cloud") -> Cloud:
         A finite coordinate beyond `LARGEST_COORDINATE`.
     DegenerateCloudError
         All finite points on one line or in one place.
+    InvalidWeightsError
+        Not (N,) weights of 0 or more, at least 3 of them above 0.
     """
     array = _as_array(cloud, name)
     finite = np.isfinite(array)
+    K = None if weights is None else _as_weights(weights, len(array), name)
+    if K is not None:
+        finite &= np.isfinite(K)[:, None]
     index = np.arange(len(array)) if finite.all() else np.flatnonzero(finite.all(axis=1))
     if len(index) < 3:
         raise TooFewPointsError(
@@ -86,14 +116,38 @@ def as_points(cloud: ArrayLike, name: str = "cloud") -> Cloud:
     points = np.ascontiguousarray(array if len(index) == len(array) else array[index], np.float64)
     _check_range(points, index, name)
     _check_thickness(points, name)
-    return Cloud(points, index, len(array) - len(index))
+    if K is not None:
+        K = K[index]
+        if (K > 0).sum() < 3:
+            raise InvalidWeightsError(
+                f"at least 3 weights of the {name} must be above 0, {(K > 0).sum()} of {len(K)} are"
+            )
+        _check_thickness(points[K > 0], name)
+    return Cloud(points, index, len(array) - len(index), K)
+
+
+def _as_weights(weights: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
+    try:
+        K = np.asarray(weights, np.float64)
+    except (TypeError, ValueError):
+        raise InvalidWeightsError(f"the weights of the {name} must be real numbers") from None
+    if K.shape != (count,):
+        raise InvalidWeightsError(
+            f"the {name} has {count} points and needs as many weights, got shape {K.shape}"
+        )
+    if (K < 0).any():
+        row = int(np.argmax(K < 0))
+        raise InvalidWeightsError(f"weight {K[row]:g} of point {row} of the {name} is below 0")
+    return K
 
 
 def as_pair(source: Cloud, target: Cloud) -> Pair:
-    """Centre both clouds and scale them by the smaller radius."""
-    source_centre, target_centre = source.points.mean(axis=0), target.points.mean(axis=0)
+    """Centre both clouds and scale them by the smaller radius, those of the points that weigh
+    anything."""
+    source_centre = source.heavy(source.points).mean(axis=0)
+    target_centre = target.heavy(target.points).mean(axis=0)
     x, y = source.points - source_centre, target.points - target_centre
-    small, large = sorted((radius(x), radius(y)))
+    small, large = sorted((radius(source.heavy(x)), radius(target.heavy(y))))
     unit = max(small, LEAST_RATIO * large)
     return Pair(x / unit, y / unit, source_centre, target_centre, unit)
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import Points
-from mpe_core.polish import TargetPlanes
-from mpe_core.rigid import apply
+from mpe_core.polish import TargetPlanes, nearest_planes
+from mpe_core.scan import Sample
 
 LEAST_SHARP, SHARP_SPACINGS, SHARP_NOISES = 0.006, 0.3, 1.5
 """Distance from a plane that counts as on it: in radii of the smaller cloud, in point spacings and
@@ -32,12 +31,15 @@ class Evidence:
     near: float
     """Share of the points within the reach of the target's planes."""
     sharp: float
-    """Share of those that lie on the planes."""
+    """Share of those that lie on the planes, and face as they do."""
+    overlap: float = 1.0
+    """Share of the points that may be near, as the caller knows it."""
 
     @property
     def confidence(self) -> float:
         """How likely the pose is right, in [0, 1]."""
-        logit = SHARP_WEIGHT * self.sharp + NEAR_WEIGHT * self.near + OFFSET
+        near = min(1.0, self.near / self.overlap)
+        logit = SHARP_WEIGHT * self.sharp + NEAR_WEIGHT * near + OFFSET
         return float(1 / (1 + np.exp(-logit)))
 
     @property
@@ -47,20 +49,17 @@ class Evidence:
 
 
 def evidence(
-    points: Points, planes: TargetPlanes, T: NDArray[np.float64], sharp: float
+    source: Sample, planes: TargetPlanes, T: NDArray[np.float64], sharp: float, overlap: float
 ) -> Evidence:
-    """Evidence for the pose T of points (N, 3) on a surface; `sharp` is how near a plane is on
-    it."""
-    moved = apply(T, points).astype(np.float32)
-    row, _ = planes.cells.nearest(moved)
-    near = row >= 0
-    row = row[near]
-    normals = planes.normals(row)
-    residual = np.abs(np.einsum("ni,ni->n", planes.cells.points[row] - moved[near], normals))
-    known = np.abs(normals).sum(axis=1) > 0
-    if not known.any():
-        return Evidence(0.0, 0.0)
-    return Evidence(known.sum() / len(points), float((residual[known] < sharp).mean()))
+    """Evidence for the pose T; `sharp` is how near a plane is on it."""
+    pairs = nearest_planes(source, planes, T)
+    known = np.abs(pairs.normals).sum(axis=1) > 0
+    near = pairs.within & known
+    if not near.any():
+        return Evidence(0.0, 0.0, overlap)
+    on = np.abs(pairs.residuals()[near]) < sharp
+    on &= pairs.used[near]
+    return Evidence(near.sum() / len(near), float(on.mean()), overlap)
 
 
 def sharp_distance(spacing: float, roughness: float) -> float:

@@ -6,7 +6,8 @@ RegistrationError
     ├── CloudShapeError      not an (N, 3) array of real numbers
     ├── TooFewPointsError    fewer than 3 finite points are left
     ├── DegenerateCloudError all points on one line or in one place
-    └── CoordinateRangeError a coordinate too large for exact arithmetic
+    ├── CoordinateRangeError a coordinate too large for exact arithmetic
+    └── InvalidWeightsError  not one weight of 0 or more for each point
 
 Not converging is a field of the result, never an exception.
 """
@@ -38,3 +39,7 @@ class DegenerateCloudError(InvalidCloudError):
 
 class CoordinateRangeError(InvalidCloudError):
     """A finite coordinate so large that float64 cannot hold the geometry."""
+
+
+class InvalidWeightsError(InvalidCloudError):
+    """Not one weight of 0 or more for each point, at least 3 of them above 0."""

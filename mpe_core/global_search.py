@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mpe_core.field import NearestField
 from mpe_core.kernels.votes import FACE, best_translations
 from mpe_core.kernels.waves import descend
-from mpe_core.rotations import even_rotations
+from mpe_core.knowledge import Knowledge
 from mpe_core.sampling import even_rows, weighted_rows
 from mpe_core.surface import Surface
 
@@ -105,22 +105,28 @@ def find_poses(
     source: Surface,
     field: NearestField,
     effort: Effort,
+    knowledge: Knowledge,
     seed: int,
     report: Callable[[float], None],
 ) -> Candidates:
-    """Local minima of the P2 energy, lowest first, from every rotation and translation.
+    """Local minima of the P2 energy, lowest first, from every rotation and translation that the
+    knowledge allows.
 
     Minimises -sum_i K_i |n_i.n_j*|^2 eps^2 / (|y_j* - (R x_i + t)|^2 + eps^2), the P2 criterion
-    (Eq. 10) with the paper's weights K_i and the agreement of normals of either sign.
+    (Eq. 10) with the paper's weights K_i and the agreement of normals: of either sign, or of one
+    where both surfaces know their outside.
     """
     rng = np.random.default_rng(seed)
-    poses = _vote(source, field.surface, effort, rng)
+    poses = _vote(source, field.surface, effort, knowledge, rng)
     report(0.5)
     order = weighted_rows(source.weights > 0, len(source.points), rng)
     # below the noise there is nothing to descend to
     least_eps = 1.5 * max(source.roughness, field.surface.roughness)
     for k, wave in enumerate(effort.waves):
         scores = _descend(poses, source, order[: wave.points], field, wave, least_eps)
+        allowed = knowledge.allows(poses)
+        if allowed.any():
+            poses, scores = poses[allowed], scores[allowed]
         kept = distinct(poses, scores, wave.keep)
         kept = kept[scores[kept] >= HOPELESS * scores[kept[0]]]
         poses, scores = np.ascontiguousarray(poses[kept]), scores[kept]
@@ -128,7 +134,13 @@ def find_poses(
     return Candidates(poses, scores)
 
 
-def _vote(source: Surface, target: Surface, effort: Effort, rng: np.random.Generator) -> Poses:
+def _vote(
+    source: Surface,
+    target: Surface,
+    effort: Effort,
+    knowledge: Knowledge,
+    rng: np.random.Generator,
+) -> Poses:
     """(candidates, 4, 4) poses with the most votes, most first."""
     x = even_rows(source.points, source.weights, effort.source_points, rng)
     y = even_rows(target.points, target.weights, effort.target_points, rng)
@@ -141,7 +153,7 @@ def _vote(source: Surface, target: Surface, effort: Effort, rng: np.random.Gener
     numbers = ((cells[:, 0] * width[1] + cells[:, 1]) * width[2] + cells[:, 2]).astype(np.int32)
     agree = np.abs(bin_directions() @ target.normals[y].T) > AGREEMENT
     starts = np.concatenate([[0], np.cumsum(agree.sum(axis=1))])
-    rotations = even_rotations(effort.rotations)
+    rotations = knowledge.rotations(effort.rotations)
     translations, votes = best_translations(
         rotations.astype(np.float32),
         points,
@@ -151,6 +163,7 @@ def _vote(source: Surface, target: Surface, effort: Effort, rng: np.random.Gener
         cell,
         half,
     )
+    translations = knowledge.translations(translations)
     best = np.argsort(-votes, kind="stable")[: effort.candidates]
     poses = np.tile(np.eye(4), (len(best), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rotations[best], translations[best]
@@ -183,6 +196,7 @@ def _descend(
         np.float32(max(wave.end, least_eps)),
         wave.steps,
         np.float32(SLIDE),
+        source.oriented and field.surface.oriented,
     )
     return scores
 

@@ -11,6 +11,8 @@ from mpe_core.cells import CellList, Points
 from mpe_core.kernels.planes import plane_equations
 from mpe_core.kernels.waves import move
 from mpe_core.rigid import apply
+from mpe_core.scan import Sample
+from mpe_core.surface import facing
 
 Pose = NDArray[np.float64]
 
@@ -44,17 +46,24 @@ SPACING_SAMPLE = 1000
 class TargetPlanes:
     """The full target with planes through it, fitted where they are first asked for."""
 
-    def __init__(self, points: Points, spacing: float) -> None:
+    def __init__(
+        self, points: Points, spacing: float, viewpoint: NDArray[np.float64] | None = None
+    ) -> None:
         self.cells = CellList(points, max(PLANE_RADIUS, PLANE_SPACINGS * spacing))
         self.cut = max(CUT, CUT_SPACINGS * spacing)
         self._normals = np.zeros_like(self.cells.points)
         self._known = np.zeros(len(points), np.bool_)
+        self._viewpoint = viewpoint
 
     def normals(self, rows: NDArray[np.int32]) -> Points:
-        """(N, 3) unit normals at the rows (N,) of `cells.points`; zero where too few points lie."""
+        """(N, 3) unit normals at the rows (N,) of `cells.points`; zero where too few points lie.
+        They point to the viewpoint, or to either side if it is unknown."""
         new = np.unique(rows[~self._known[rows]])
         if len(new):
-            self._normals[new] = self.cells.planes(self.cells.points[new])[0]
+            points = self.cells.points[new]
+            fitted = self.cells.planes(points)[0]
+            seen = self._viewpoint
+            self._normals[new] = fitted if seen is None else facing(points, fitted, seen)
             self._known[new] = True
         normals: Points = self._normals[rows]
         return normals
@@ -76,33 +85,63 @@ class Polished:
     iterations: int
 
 
-def point_to_plane(source: Points, target: TargetPlanes, T: Pose, max_iterations: int) -> Polished:
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """Source points at a pose, each with the plane of the target next to it."""
+
+    moved: Points
+    """(N, 3) R x_i + t."""
+    points: Points
+    """(N, 3) the nearest points of the target."""
+    normals: Points
+    """(N, 3) unit normals there; zero where too few points lie."""
+    within: NDArray[np.bool_]
+    """(N,) whether there is one within reach."""
+    used: NDArray[np.bool_]
+    """(N,) whether it faces as the source does, too."""
+
+    def residuals(self) -> Points:
+        """(N,) distances from the planes, of either sign."""
+        residuals: Points = np.einsum("ni,ni->n", self.points - self.moved, self.normals)
+        return residuals
+
+
+def nearest_planes(source: Sample, target: TargetPlanes, T: Pose) -> Nearest:
+    """The target's planes next to the source at the pose T."""
+    moved = apply(T, source.points).astype(np.float32)
+    row, _ = target.cells.nearest(moved)
+    within = row >= 0
+    row = np.where(within, row, 0).astype(np.int32)
+    normals, used = target.normals(row), within
+    if source.normals is not None:
+        outward = np.einsum("ij,nj->ni", T[:3, :3].astype(np.float32), source.normals)
+        used = within & (np.einsum("ni,ni->n", outward, normals) >= 0)
+    return Nearest(moved, target.cells.points[row], normals, within, used)
+
+
+def point_to_plane(
+    source: Sample, target: TargetPlanes, T: Pose, motions: NDArray[np.float64], max_iterations: int
+) -> Polished:
     """Minimise sum rho(n_j*.(y_j* - (R x_i + t))) from the pose T, y_j* the nearest point of the
-    target and rho Tukey's biweight (Chen and Medioni 1991; robust loss after Babin et al. 2019)."""
+    target and rho Tukey's biweight (Chen and Medioni 1991; robust loss after Babin et al. 2019), by
+    steps within the `motions` (6, K)."""
     iterations = 0
     most = min(max_iterations, MOST_STEPS)
     for cut in (FIRST_CUT * target.cut, target.cut):
         converged = False
         while not converged and iterations < most:
-            H, g = equations(source, target, T, cut)
+            H, g = equations(nearest_planes(source, target, T), cut)
             iterations += 1
             # a share of the trace holds the directions in which the surface slides on itself
-            step = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6) + 1e-30 * np.eye(6), g)
+            H += (1e-9 * np.trace(H) + 1e-30) * np.eye(6)
+            step = motions @ np.linalg.solve(motions.T @ H @ motions, motions.T @ g)
             T = T.copy()
             move(T, step)
             converged = bool(np.abs(step).max() < (STILL if cut == target.cut else 20 * STILL))
     return Polished(T, converged, iterations)
 
 
-def equations(
-    source: Points, target: TargetPlanes, T: Pose, cut: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(6, 6) normal matrix and (6,) right side of one step at the pose T."""
-    moved = apply(T, source).astype(np.float32)
-    row, _ = target.cells.nearest(moved)
-    used = row >= 0
-    row = np.where(used, row, 0).astype(np.int32)
-    H, g = plane_equations(
-        moved, target.cells.points[row], target.normals(row), used, np.float32(cut)
-    )
+def equations(pairs: Nearest, cut: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(6, 6) normal matrix and (6,) right side of one step."""
+    H, g = plane_equations(pairs.moved, pairs.points, pairs.normals, pairs.used, np.float32(cut))
     return H.sum(axis=0), g.sum(axis=0)

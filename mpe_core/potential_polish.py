@@ -22,16 +22,18 @@ sees a surface without knowing which of its points is which (information of the 
 alone)."""
 
 
-def descend_potential(source: Points, target: Points, T: Pose, eps: float, most: int) -> Polished:
+def descend_potential(
+    source: Points, target: Points, T: Pose, eps: float, motions: NDArray[np.float64], most: int
+) -> Polished:
     """Minimise -sum_ij 1 / (|y_j - (R x_i + t)|^2 + eps^2) over all pairs, from the pose T:
     Newton's method with Levenberg's damping, so that no step raises the energy by more than
-    rounding."""
+    rounding; steps within the `motions` (6, K)."""
     y = np.ascontiguousarray(target.T)
     here = _Expansion(source, y, T, eps)
     damping, iterations, converged = 1e-3, 0, False
     while iterations < most and damping < 1e4 and not converged:
         iterations += 1
-        step = here.step(damping)
+        step = here.step(damping, motions)
         there = _Expansion(source, y, here.moved(step), eps) if step is not None else here
         if step is None or there.energy > here.energy * (1 - 1e-7):
             damping = max(8 * damping, 1e-3)
@@ -83,14 +85,15 @@ class _Expansion:
         hessian: NDArray[np.float64] = H
         return hessian
 
-    def step(self, damping: float) -> NDArray[np.float64] | None:
+    def step(self, damping: float, motions: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """(6,) damped Newton step, or None where the damped Hessian is not positive definite."""
-        H = self.hessian + damping * np.diag(self._scale)
+        H = motions.T @ (self.hessian + damping * np.diag(self._scale)) @ motions
         try:
             np.linalg.cholesky(H)
         except np.linalg.LinAlgError:
             return None
-        return np.linalg.solve(H, self.gradient)
+        step: NDArray[np.float64] = motions @ np.linalg.solve(H, motions.T @ self.gradient)
+        return step
 
     def moved(self, step: NDArray[np.float64]) -> Pose:
         """The pose after a step."""

@@ -11,7 +11,9 @@ from mpe_core.alignment import Alignment, align
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points
 from mpe_core.confidence import Evidence
 from mpe_core.descent import EPS, Descent, descend
+from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
+from mpe_core.knowledge import Knowledge
 from mpe_core.neighbours import Neighbours, nearest_rows
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import Polished
@@ -20,9 +22,13 @@ from mpe_core.progress import Progress, Report
 from mpe_core.refinement import trimmed_icp
 from mpe_core.result import Inliers, Registration
 from mpe_core.rigid import apply
-from mpe_core.scan import scan
+from mpe_core.scan import Scan, scan
 from mpe_core.sparse_search import sparse_mpe
+from mpe_core.surface import VOXEL
 from mpe_core.tree import tree_order
+
+MOST_VOXEL = 0.2
+"""Coarsest thinning, in radii of the smaller cloud; a sphere keeps some 300 points with it."""
 
 ENERGY_EPS = 0.03
 """eps of the reported P2 energy, in radii of the smaller cloud."""
@@ -33,9 +39,14 @@ def register(
     target: ArrayLike,
     options: RegistrationOptions | None = None,
     *,
+    source_weights: ArrayLike | None = None,
+    target_weights: ArrayLike | None = None,
     on_progress: Report | None = None,
 ) -> Registration:
     """Rigid pose that lays the source (N, 3) on the target (M, 3).
+
+    source_weights (N,) and target_weights (M,), 0 or more, say how much each point counts (K_i of
+    the paper); points of weight 0 have no say in the pose, but may be inliers.
 
     on_progress(stage, fraction of the whole in [0, 1]) is called between stages and between the
     iterations of long ones; what it raises ends the registration. The input is never changed, rows
@@ -44,19 +55,26 @@ def register(
     Raises
     ------
     InvalidCloudError
-        A cloud is not an (N, 3) array of at least 3 finite points that span a plane.
+        A cloud is not an (N, 3) array of at least 3 finite points that span a plane, or its weights
+        do not fit.
+    InvalidOptionsError
+        Options that cannot go with these clouds.
     """
     options = options or RegistrationOptions()
     progress = Progress(on_progress)
     with progress.stage("prepare"):
-        x, y = as_points(source, "source"), as_points(target, "target")
+        x = as_points(source, "source", source_weights)
+        y = as_points(target, "target", target_weights)
         pair = as_pair(x, y)
-        alignment = Alignment(scan(pair.source), scan(pair.target), options)
+        scans = _scans(x, y, pair, options)
+        alignment = Alignment(*scans, Knowledge.of(options, pair), options)
     if options.method == "mpl" and options.search == "global":
         best, *others = align(alignment, progress)
         polished, trust = best.polished, best.evidence
         rivals = [other.polished.T for other in others]
     else:
+        if x.weights is not None or y.weights is not None:
+            raise InvalidOptionsError('weights need method "mpl" with search "global"')
         polished = _as_printed(pair, options, progress)
         trust, rivals = alignment.judge(polished.T), []
     with progress.stage("inliers"):
@@ -82,24 +100,54 @@ def register(
     )
 
 
+def _scans(x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions) -> tuple[Scan, Scan]:
+    """Both clouds thinned, without the points of weight 0."""
+    voxel = VOXEL if options.voxel_size is None else options.voxel_size / pair.unit
+    if voxel > MOST_VOXEL:
+        raise InvalidOptionsError(
+            f"voxel_size must be at most a fifth of the radius {pair.unit:.6g} of the smaller"
+            f" cloud, got {options.voxel_size}"
+        )
+    views = pair.viewpoints(options.source_viewpoint, options.target_viewpoint)
+    found = [
+        scan(
+            cloud.heavy(points),
+            voxel,
+            None if cloud.weights is None else cloud.heavy(cloud.weights),
+            viewpoint,
+        )
+        for cloud, points, viewpoint in zip((x, y), (pair.source, pair.target), views, strict=True)
+    ]
+    return found[0], found[1]
+
+
 def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) -> Polished:
     """The paper's methods: "mpe" on all points, or "mpl" with a sparse search and trimmed ICP."""
-    most = options.max_iterations
+    most, start = options.max_iterations, np.eye(4)
+    if options.initial_transform is not None:
+        start = pair.from_caller(np.array(options.initial_transform))
+    source = apply(start, pair.source)
     with progress.stage("search") as report:
         if options.method == "mpe":
-            found = _mpe(pair, options, report)
+            found = _mpe(source, pair, options, report)
         else:
             size, seed = options.sample_size, options.seed
-            found = sparse_mpe(pair.source, pair.target, size, most, seed, report)
+            found = sparse_mpe(source, pair.target, size, most, seed, report)
     with progress.stage("refine") as report:
         if options.method == "mpl":
             neighbours, T = Neighbours(pair.target), found.T_target_source
-            found = trimmed_icp(pair.source, neighbours, T, options.overlap, most, report)
-    return Polished(found.T_target_source, found.converged, found.iterations)
+            found = trimmed_icp(source, neighbours, T, options.overlap, most, report)
+    return Polished(found.T_target_source @ start, found.converged, found.iterations)
 
 
-def _mpe(pair: Pair, options: RegistrationOptions, report: Callable[[float], None]) -> Descent:
-    source, most = pair.source, options.max_iterations
+def _mpe(
+    source: NDArray[np.float64],
+    pair: Pair,
+    options: RegistrationOptions,
+    report: Callable[[float], None],
+) -> Descent:
+    """Algorithm 1 from where the source (N, 3) lies."""
+    most = options.max_iterations
     if options.field == "exact":
         return descend(source, ExactField(pair.target, EPS), most, report)
     return descend(source[tree_order(source)], TreeField(pair.target, EPS), most, report)

@@ -41,20 +41,23 @@ class Surface:
     points: Points
     """(N, 3) in units of the smaller cloud's radius."""
     normals: Points
-    """(N, 3) unit normals of either sign, zero where too few points lie around."""
+    """(N, 3) unit normals, zero where too few points lie around."""
     weights: Points
     """(N,) the paper's K_i: curvature, and 0 for stray points."""
     roughness: float
     """Distance of the points from their local planes where it is small (25 % are nearer): noise."""
     spacing: float
     """Distance between neighbouring points of the sample, from how many lie around a point."""
+    oriented: bool = False
+    """Whether the normals point out of the surface rather than to either side."""
 
 
 def surface(points: Points, voxel: float = VOXEL) -> Surface:
-    """Thin a cloud (N, 3) to one point a voxel and fit a plane around each."""
+    """Thin a cloud (N, 3) to one point a voxel and fit a plane of either sign around each."""
     sample = thin(points, voxel)
-    radius = LEAST_RADIUS
-    rough, spacing = MOST_RADIUS, 0.0
+    radius = LEAST_RADIUS / VOXEL * voxel
+    most = max(MOST_RADIUS, GROWTH * radius)
+    rough, spacing = most, 0.0
     points = CellList(sample, radius).points
     while True:
         support = points if radius < SUPPORT * voxel else thin(points, radius / SUPPORT)
@@ -62,11 +65,11 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
         usable = count >= ENOUGH_NEIGHBOURS // 2
         flat = float(np.median(variation[usable])) if usable.any() else 1.0
         neighbours = float(np.median(count))
-        if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= MOST_RADIUS):
+        if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= most):
             spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
         if neighbours >= ENOUGH_NEIGHBOURS:
             rough = min(rough, float(np.quantile(thickness[usable], 0.25)))
-        if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= MOST_RADIUS:
+        if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= most:
             break
         radius *= GROWTH
     return Surface(
@@ -76,6 +79,13 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
         roughness=rough,
         spacing=spacing,
     )
+
+
+def facing(points: Points, normals: Points, viewpoint: NDArray[np.float64]) -> Points:
+    """The normals (N, 3) at the points (N, 3), turned to where they were seen from."""
+    away = np.einsum("ni,ni->n", normals, viewpoint - points) < 0
+    turned: Points = np.where(away[:, None], -normals, normals)
+    return turned
 
 
 def _weights(variation: Points, count: NDArray[np.int32]) -> Points:

@@ -60,7 +60,7 @@ def move(T, step):
 @njit(
     "void(float64[:, :, ::1], float32[::1], float32[:, ::1], float32[:, ::1], float32[::1],"
     " float32[:, ::1], float32[:, ::1], float32[::1], int32[:, :, ::1], float32[::1], float32,"
-    " float32, float32, int64, float32)",
+    " float32, float32, int64, float32, boolean)",
     cache=True,
     parallel=True,
     fastmath=True,
@@ -82,11 +82,13 @@ def descend(
     end,
     iterations,
     slide,
+    oriented,
 ):
     """Majorise-minimise the P2 energy of every pose in place; then score it at eps = `end`.
 
     Each iteration minimises sum w [(n.r)^2 + slide |r|^2], r = y - p, over a small motion, with
-    w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to `end`.
+    w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to `end`. Of
+    `oriented` normals those that point apart weigh nothing.
     """
     nx, ny, nz = field.shape
     n = source.shape[0]
@@ -144,6 +146,8 @@ def descend(
                     + ay * (r10 * sx + r11 * sy + r12 * sz)
                     + az * (r20 * sx + r21 * sy + r22 * sz)
                 )
+                if oriented:
+                    agree = max(agree, np.float32(0.0))
                 pull = e2 / (dx * dx + dy * dy + dz * dz + e2)
                 w = min(weights[i], target_weights[j]) * agree * agree * pull
                 score += w

@@ -11,6 +11,7 @@ from mpe_core.global_search import AGREEMENT, QUICK, bin_directions, distinct, f
 from mpe_core.kernels.farthest import farthest_order
 from mpe_core.kernels.votes import best_translations, direction_bin
 from mpe_core.kernels.waves import descend
+from mpe_core.knowledge import Knowledge
 from mpe_core.rigid import apply, pose, rotation_error
 from mpe_core.rotations import even_rotations
 from mpe_core.sampling import weighted_rows
@@ -115,7 +116,7 @@ def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
     descend(
         poses, scores, x, n, w, model.points, model.normals, model.weights,
         field.rows, field.origin, field.cell,
-        np.float32(0.15), np.float32(eps), 12, np.float32(0.02),
+        np.float32(0.15), np.float32(eps), 12, np.float32(0.02), False,
     )  # fmt: skip
     assert min(rotation_error(T, np.eye(4)) for T in starts) > 8
     assert np.median([rotation_error(T, np.eye(4)) for T in poses]) < 0.2
@@ -141,7 +142,9 @@ def test_distinct_keeps_the_better_of_two_that_are_close():
 def test_the_best_candidate_is_the_true_pose(data):
     trial = moved(bunny(data), np.random.default_rng(9), largest_deg=180)
     x, y = (c - c.mean(axis=0) for c in (trial.source, trial.target))
-    found = find_poses(scan(x).surface, nearest_field(scan(y).surface), QUICK, 0, lambda f: None)
+    found = find_poses(
+        scan(x).surface, nearest_field(scan(y).surface), QUICK, Knowledge(), 0, lambda f: None
+    )
     assert rotation_error(found.poses[0], trial.T_target_source) < 1
     assert (np.diff(found.scores) <= 0).all()
 

@@ -55,7 +55,12 @@ def test_it_beats_nothing_less_than_the_noise(data):
         off = pose(axis_rotation(rng.normal(size=3), np.radians(5)), 0.02 * rng.normal(size=3))
         start = off @ trial.T_target_source
         found = descend_potential(
-            trial.source.astype(np.float32), cloud.astype(np.float32), start, 3 * noise, 50
+            trial.source.astype(np.float32),
+            cloud.astype(np.float32),
+            start,
+            3 * noise,
+            np.eye(6),
+            50,
         )
         assert found.converged
         errors.append(rotation_error(found.T, trial.T_target_source))
