@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -13,6 +14,7 @@ from service.jobs.scratch import discard_scratch
 from service.jobs.store import JobStore
 from service.jobs.worker import LEASE_S, Worker
 from service.logs import about_job
+from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage import BlobStore
 
@@ -91,7 +93,8 @@ class Queue:
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
         for job, child in list(self._running.values()):
-            self._store.hand_back(job)
+            with contextlib.suppress(NotReadyError):  # its lease ends by itself
+                self._store.hand_back(job)
             child.kill()
         for thread in self._threads:
             thread.join()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import shutil
 import time
@@ -20,7 +21,13 @@ from service.jobs.standby import Standby
 from service.jobs.store import JobStore
 from service.jobs.task import FetchTask, Task
 from service.jobs.work import work_key
-from service.problems import DeadlineError, JobTimeoutError, ServiceError, error_problem
+from service.problems import (
+    DeadlineError,
+    JobTimeoutError,
+    NotReadyError,
+    ServiceError,
+    error_problem,
+)
 from service.settings import Settings
 from service.storage import BlobStore
 
@@ -104,37 +111,42 @@ class Worker:
                 self.store.fail(job, error_problem(bound.error), {})
                 return None
             message = child.receive(min(bound.at - now, LOOK_S))
-            if now >= beat:
-                mine = self.store.heartbeat(job, lease_s=LEASE_S)
-                beat = now + HEARTBEAT_S
-            elif message is None:
-                mine = self.store.holds(job)
-            if message is None:
-                continue
-            if "stage" not in message:
+            if message is not None and "stage" not in message:
                 return message
-            mine = self.store.progress(job, message["stage"], message["fraction"])
-            self.announce(job.id)
-            self.standby.begin()  # for the next task, while this one runs
+            with contextlib.suppress(NotReadyError):  # the lease lasts while the store is away
+                mine = self._is_mine(job, beats=now >= beat)
+                beat = now + HEARTBEAT_S if now >= beat else beat
+                if mine and message is not None:
+                    mine = self.store.progress(job, message["stage"], message["fraction"])
+            if message is not None:
+                self.announce(job.id)
+                self.standby.begin()  # for the next task, while this one runs
         return None
+
+    def _is_mine(self, job: JobRow, *, beats: bool) -> bool:
+        if beats:
+            return self.store.heartbeat(job, lease_s=LEASE_S)
+        return self.store.holds(job)
 
     def _record_fetched(self, job: JobRow, answer: dict[str, Any]) -> JobRow | None:
         """The job with its clouds here; None when it is not to be gone on with."""
         if "error" in answer:
-            self.store.fail(job, answer["error"], answer["timing"])
+            _insist(lambda: self.store.fail(job, answer["error"], answer["timing"]))
             return None
         source, target = _clouds(answer["fetched"])
         self._keep(source.sha256, target.sha256)
         here = replace(job, source=source, target=target, timing=answer["timing"])
-        return here if self.store.fetched(here) else None
+        return here if _insist(lambda: self.store.fetched(here)) else None
 
     def _conclude(self, job: JobRow, answer: dict[str, Any]) -> None:
         if "error" in answer:
-            self.store.fail(job, answer["error"], job.timing | answer["timing"])
+            timing = job.timing | answer["timing"]
+            _insist(lambda: self.store.fail(job, answer["error"], timing))
         else:
             outcome = _outcome(answer["outcome"], job.timing)
             self._keep(outcome.result_sha256, outcome.inliers_sha256)
-            self.store.succeed(job, outcome, work_key(outcome.source, outcome.target, job.options))
+            key = work_key(outcome.source, outcome.target, job.options)
+            _insist(lambda: self.store.succeed(job, outcome, key))
 
     def _keep(self, *blobs: str | None) -> None:
         """Spare what the child has stored until the row refers to it."""
@@ -183,6 +195,16 @@ class Worker:
             threads=settings.threads,
             limits=self._limits(),
         )
+
+
+def _insist(record: Callable[[], bool]) -> bool:
+    """What the store answers, asked again while it is away, as long as the lease may last."""
+    until = time.monotonic() + LEASE_S
+    while time.monotonic() < until:
+        with contextlib.suppress(NotReadyError):
+            return record()
+        time.sleep(LOOK_S)
+    return record()
 
 
 @dataclass(frozen=True, slots=True)

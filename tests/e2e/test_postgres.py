@@ -120,7 +120,7 @@ def _delivery(server: Server, job_id: str) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def interrupted(server: Server) -> list[str]:
     """A job that ran, and some that waited, when the service was killed; it is up again."""
-    cloud = as_npy(arms(7, 200_000))
+    cloud = as_npy(arms(7, 100_000))
     running = server.submit(cloud, cloud).json()["id"]
     until(lambda: workers(server))
     waiting = [submit_numbered(server, number) for number in range(10, 13)]
@@ -173,6 +173,9 @@ def test_it_goes_on_when_the_database_comes_back(postgres: Postgres, tmp_path: P
         with running_server(tmp_path, database_url=url, upkeep_interval_s=1) as server:
             first = submit_numbered(server, 1)
             assert finished(server.client, first)["status"] == "succeeded"
+            cloud = as_npy(arms(8, 100_000))
+            running = server.submit(cloud, cloud).json()["id"]
+            until(lambda: workers(server))
             own.stop()
             away = server.client.get(f"{JOBS}/{first}")
             assert away.status_code == 503
@@ -183,6 +186,19 @@ def test_it_goes_on_when_the_database_comes_back(postgres: Postgres, tmp_path: P
             until(lambda: server.client.get("/readyz").status_code == 200)
             assert status(server, first) == "succeeded"
             assert finished(server.client, submit_numbered(server, 2))["status"] == "succeeded"
+            ended = finished(server.client, running)
+            assert (ended["status"], ended["attempt"]) == ("succeeded", 1)
+
+
+def test_it_stops_while_the_database_is_away(postgres: Postgres, tmp_path: Path) -> None:
+    with running_postgres(postgres.programs) as own:
+        settings = {"database_url": own.new_database(), "shutdown_grace_s": 0, "workers": 1}
+        with running_server(tmp_path, **settings) as server:
+            server.submit(*slow_pair(), options=SLOW)
+            until(lambda: workers(server))
+            own.stop()
+            server.stop()
+            own.start()
 
 
 def test_after_a_kill_what_ran_is_run_again(server: Server, interrupted: list[str]) -> None:
