@@ -8,7 +8,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 FUZZ_SECONDS ?= 300
 
-.PHONY: help setup run demo test chaos check format openapi lock bench paper fuzz clean
+.PHONY: help setup run demo test chaos check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -57,11 +57,28 @@ lock: setup  ## resolve the lock files again from pyproject.toml
 	.venv/bin/uv pip compile pyproject.toml --extra demo --extra dev --extra bench --extra telemetry --extra s3 --extra postgres $(LOCK_OPTIONS) -o requirements-dev.lock
 LOCK_OPTIONS := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
-bench: setup  ## speed, accuracy and the peers (minutes to hours)
+bench: setup  ## speed and accuracy beside the peers, what is not there yet (20 minutes)
+	@$(WITH_PEERS)
 	$(PY) -m benchmarks
 
-paper: setup  ## the paper's tables beside ours
+paper: setup  ## the paper's experiments beside ours, what is not there yet (30 minutes)
+	@$(WITH_PEERS)
 	$(PY) -m benchmarks.paper
+
+WITH_PEERS := $(MAKE) --no-print-directory peers || echo "!!! NOT EVERY PEER IS INSTALLED: its rows will say so" >&2
+
+peers: setup build/peers/.installed build/pcl/pcl_driver  ## PCL's driver and probreg, for the benchmarks alone
+
+build/peers/.installed: benchmarks/requirements-peers.txt
+	@tools/install_system_packages g++
+	$(PY) -m pip install --quiet --no-deps --require-hashes --upgrade --target $(@D) -r $<
+	@touch $@
+
+build/pcl/pcl_driver: benchmarks/pcl/driver.cpp
+	@tools/install_system_packages g++ libpcl-dev
+	@mkdir -p $(@D)
+	g++ -O3 -fopenmp -std=c++17 $(addprefix -isystem ,$(wildcard /usr/include/pcl-* /usr/include/eigen3)) $< -o $@ $(PCL_LIBRARIES)
+PCL_LIBRARIES := $(addprefix -lpcl_,surface registration features filters search kdtree sample_consensus common) -lflann_cpp -llz4
 
 fuzz: setup  ## fuzz every reader of files and the API, FUZZ_SECONDS (300) each
 	$(PY) -m tests.fuzz $(FUZZ_SECONDS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -21,10 +22,15 @@ def compare(methods: Sequence[Method], trials: Iterable[tuple[Row, Trial]]) -> l
 
     Degrees by Eq. 11; shift is how far apart the found and the true pose put the source's centroid
     (Eq. 12 about the centroid, where it does not depend on the origin of the coordinates).
+    A method that is not installed has no rows.
     """
+    for method in methods:
+        if not method.version:
+            print(f"!!! {method.name} IS NOT INSTALLED: no figures; `make peers`", file=sys.stderr)
+    present = [method for method in methods if method.version]
     rows = []
     for labels, trial in trials:
-        for method in methods:
+        for method in present:
             T, seconds = timed(method.register, trial.source, trial.target)
             degrees, shift = pose_error(T, trial.T_target_source, trial.source)
             rows.append(
@@ -39,12 +45,15 @@ def compare(methods: Sequence[Method], trials: Iterable[tuple[Row, Trial]]) -> l
     return rows
 
 
-def described(methods: Sequence[Method]) -> dict[str, dict[str, str]]:
+def described(methods: Sequence[Method]) -> dict[str, dict[str, str | None]]:
     return {m.name: {"version": m.version, "settings": m.settings} for m in methods}
 
 
-def settings_text(methods: dict[str, dict[str, str]]) -> str:
-    return "; ".join(f"{name} ({m['version']}): {m['settings']}" for name, m in methods.items())
+def settings_text(methods: dict[str, dict[str, str | None]]) -> str:
+    return "; ".join(
+        f"{name} ({m['version'] or 'NOT INSTALLED'}): {m['settings']}"
+        for name, m in methods.items()
+    )
 
 
 def values(rows: Iterable[Row], value: str, **labels: object) -> np.ndarray:
@@ -54,12 +63,28 @@ def values(rows: Iterable[Row], value: str, **labels: object) -> np.ndarray:
     )
 
 
-def medians(rows: list[Row], key: str, value: str) -> list[list[object]]:
-    """A line for each value of the key: the key, then the median of each method."""
-    names = list(dict.fromkeys(row["method"] for row in rows))
+def measured(result: dict[str, Any]) -> list[str]:
+    """Names of the methods that have rows."""
+    names = {row["method"] for row in result["rows"]}
+    return [name for name in result["methods"] if name in names]
+
+
+def absent(result: dict[str, Any], columns: int) -> list[tuple[str, ...]]:
+    """A line of a table for each method that is not installed."""
+    methods = result["methods"]
     return [
-        [at, *(_median(values(rows, value, method=name, **{key: at})) for name in names)]
-        for at in dict.fromkeys(row[key] for row in rows)
+        (name, *["not installed"] * (columns - 1))
+        for name in methods
+        if not methods[name]["version"]
+    ]
+
+
+def by_method(rows: list[Row], value: str, key: str, names: Sequence[str]) -> list[list[object]]:
+    """A line for each method: its name, then its median for each value of the key."""
+    keys = list(dict.fromkeys(row[key] for row in rows))
+    return [
+        [name, *(_median(values(rows, value, method=name, **{key: at})) for at in keys)]
+        for name in names
     ]
 
 

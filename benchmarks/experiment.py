@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numba
 from matplotlib.figure import Figure
 
-RESULTS = Path(__file__).parent.parent / "docs" / "results"
-DATA = Path(os.environ.get("MPE_DATA", Path(__file__).parent.parent.parent / "shared" / "data"))
+PROJECT = Path(__file__).parent.parent
+RESULTS = PROJECT / "docs" / "results"
+DATA = Path(os.environ.get("MPE_DATA", PROJECT.parent / "shared" / "data"))
 INTRODUCTION = """# Results
 
 Each page has its table, the command that made it, the time it took and the versions; the
-raw figures are in the JSON file of the same name. `make bench` and `make paper` make them all. They
-need the real clouds (`MPE_DATA`). A load above 1 says
-that other programs took part of the time: such seconds compare within a page only.
+raw figures are in the JSON file of the same name. `make bench` (the peers and the speed) and
+`make paper` (the paper's experiments) make all that the code has changed since; stopped, they go on
+where they were. The commands below make one page again. All need the real clouds (`MPE_DATA`), and
+`make peers` installs what the lock file does not hold: PCL's driver and probreg. A load above 1
+says that other programs took part of the time: such seconds compare within a page only.
 """
 PACKAGES = ("mpe", "numpy", "scipy", "numba", "open3d-cpu", "kiss-matcher", "small-gicp", "pycpd")
 
@@ -40,17 +45,36 @@ class Experiment:
 
 
 def main(experiments: Sequence[Experiment], command: str) -> None:
-    """Run the experiments named on the command line, or all of them, and write the results."""
+    """Run the experiments named on the command line, or all that the code of today has not run."""
     known = {experiment.name: experiment for experiment in experiments}
-    names = sys.argv[1:] or list(known)
-    if unknown := [name for name in names if name not in known]:
+    if unknown := [name for name in sys.argv[1:] if name not in known]:
         sys.exit(f"unknown: {', '.join(unknown)}; there are: {', '.join(known)}")
+    started = time.perf_counter()
+    for name in sys.argv[1:] or _unfinished(known):
+        print(f"{name} ...", flush=True)
+        result, seconds = timed(known[name].run)
+        _save(known[name], f"{command} {name}", round(seconds, 1), result)
+        print(f"\n## {known[name].title} ({seconds:.0f} s)\n\n{known[name].table(result)}\n")
+    print(f"{command}: {time.perf_counter() - started:.0f} s in all")
+
+
+def _unfinished(names: Iterable[str]) -> Iterator[str]:
     for name in names:
-        start = time.perf_counter()
-        result = known[name].run()
-        seconds = round(time.perf_counter() - start, 1)
-        _save(known[name], f"{command} {name}", seconds, result)
-        print(f"\n## {known[name].title} ({seconds} s)\n\n{known[name].table(result)}")
+        path = RESULTS / f"{name}.json"
+        if path.is_file() and json.loads(path.read_text()).get("code") == code():
+            print(f"{name}: there already, from this code")
+        else:
+            yield name
+
+
+def code() -> str:
+    """Fingerprint of what the figures come from: the method, the benchmarks and their versions."""
+    digest = hashlib.sha256()
+    for folder in ("mpe_core", "benchmarks"):
+        for path in sorted((PROJECT / folder).rglob("*.py")):
+            digest.update(path.read_bytes())
+    digest.update((PROJECT / "requirements-dev.lock").read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _save(experiment: Experiment, command: str, seconds: float, result: Result) -> None:
@@ -59,6 +83,7 @@ def _save(experiment: Experiment, command: str, seconds: float, result: Result) 
         "title": experiment.title,
         "command": command,
         "seconds": seconds,
+        "code": code(),
         "environment": environment(),
         "result": result,
     }
@@ -100,6 +125,7 @@ def environment() -> dict[str, str | float]:
     """What the figures depend on besides the code."""
     return {
         "cores": os.cpu_count() or 1,
+        "threads": numba.get_num_threads(),
         "load": round(os.getloadavg()[0], 1),  # more than one: others took part of the time
         "architecture": platform.machine(),
         "python": platform.python_version(),

@@ -18,7 +18,8 @@ from tests.clouds import knot, moved
 COUNTS = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
 NOISE = 0.0005
 REPEATS = 3
-THREADS_AT = 100_000
+THREADS_AT = (10_000, 100_000, 1_000_000)
+REPEATED = 100_000  # points up to which a call is repeated
 
 
 def _measure(count: int, threads: int) -> Result:
@@ -29,7 +30,7 @@ def _measure(count: int, threads: int) -> Result:
     small = knot(1000, rng)
     register(small, small)  # loads what the first call loads
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    repeats = REPEATS if count <= THREADS_AT else 1
+    repeats = REPEATS if count <= REPEATED else 1
     calls = [timed(register, trial.source, trial.target) for _ in range(repeats)]
     found = calls[0][0]
     return {
@@ -45,7 +46,7 @@ def _measure(count: int, threads: int) -> Result:
 def run() -> Result:
     every = numba.get_num_threads()
     jobs = [(count, every) for count in COUNTS]
-    jobs += [(THREADS_AT, threads) for threads in range(1, every)]
+    jobs += [(count, threads) for count in THREADS_AT for threads in range(1, every)]
     rows = []
     for job in jobs:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
@@ -75,15 +76,20 @@ def table(result: Result) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    axes = figure.subplots()
+    time, memory = figure.subplots(1, 2)
     every = max(r["threads"] for r in result["rows"])
+    for threads in range(every, 0, -1):
+        rows = [r for r in result["rows"] if r["threads"] == threads]
+        points = [r["points"] for r in rows]
+        time.plot(points, [r["seconds"] for r in rows], "o-", label=f"{threads} thread(s)")
     rows = [r for r in result["rows"] if r["threads"] == every]
     points = np.array([r["points"] for r in rows])
-    axes.plot(points, [r["seconds"] for r in rows], "o-", label="register")
     linear = rows[-1]["seconds"] / points[-1] * points
-    axes.plot(points, linear, ":", color="grey", label="in proportion to the points")
-    axes.set(xlabel="points of each cloud", ylabel="seconds", xscale="log", yscale="log")
-    axes.legend()
+    time.plot(points, linear, ":", color="grey", label="in proportion to the points")
+    memory.plot(points, [r["extra_mb"] for r in rows], "o-")
+    for axes, name in ((time, "seconds"), (memory, "MB that the process grew by")):
+        axes.set(xlabel="points of each cloud", ylabel=name, xscale="log", yscale="log")
+    time.legend()
 
 
 SCALING = Experiment("scaling", "Time against points and threads", run, table, draw)

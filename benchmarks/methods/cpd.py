@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pycpd
 
-from benchmarks.methods.method import Array, Method
+from benchmarks.methods.method import Array, Method, version_of
 
 OUTLIERS = 0.1  # weight of the uniform part; the paper of CPD uses 0.1 to 0.7
 
@@ -26,4 +26,4 @@ def run(source: Array, target: Array) -> Array:
     return T
 
 
-CPD = Method("CPD", "pycpd", run, "rigid, no scale, outlier weight 0.1, 100 iterations")
+CPD = Method("CPD", version_of("pycpd"), run, "rigid, no scale, outlier weight 0.1, 100 iterations")

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from benchmarks.methods.method import Array, Method
+from benchmarks.methods.method import Array, Method, version_of
 from mpe_core.rigid import apply, fit
 from mpe_core.sampling import random_rows
 
@@ -44,7 +44,7 @@ def _weights(distance: Array, width: float) -> Array:
 
 EM_ICP = Method(
     "EM-ICP",
-    "scipy",
+    version_of("scipy"),
     run,
     "width from 2 to 0.01 standard deviations by 0.9; 300 target points down to 0.2, then all, 50 "
     "matches a point",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import small_gicp
 
-from benchmarks.methods.method import Array, Method, centred_start, diagonal
+from benchmarks.methods.method import Array, Method, centred_start, diagonal, version_of
 
 
 def run(source: Array, target: Array) -> Array:
@@ -27,5 +27,8 @@ def run(source: Array, target: Array) -> Array:
 
 
 GICP = Method(
-    "GICP", "small-gicp", run, "voxel = diagonal / 100, pairs up to a fifth of it, 100 iterations"
+    "GICP",
+    version_of("small-gicp"),
+    run,
+    "voxel = diagonal / 100, pairs up to a fifth of it, 100 iterations",
 )

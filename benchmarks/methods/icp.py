@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import open3d as o3d
 
-from benchmarks.methods.method import Array, Method, centred_start, diagonal
+from benchmarks.methods.method import Array, Method, centred_start, diagonal, version_of
 
 
 def run(source: Array, target: Array) -> Array:
@@ -22,4 +22,6 @@ def run(source: Array, target: Array) -> Array:
     return np.asarray(result.transformation)
 
 
-ICP = Method("ICP", "open3d-cpu", run, "point-to-point, every pair counts, 200 iterations")
+ICP = Method(
+    "ICP", version_of("open3d-cpu"), run, "point-to-point, every pair counts, 200 iterations"
+)

@@ -7,7 +7,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from benchmarks.methods.method import Array, Method, diagonal
+from benchmarks.methods.method import Array, Method, diagonal, version_of
 from mpe_core.rigid import apply, pose
 
 CELLS = 100  # of the distance transform along the diagonal
@@ -37,4 +37,6 @@ def run(source: Array, target: Array) -> Array:
     return T
 
 
-LM_ICP = Method("LM-ICP", "scipy", run, "100 cells along the diagonal, Huber loss of 5 % of it")
+LM_ICP = Method(
+    "LM-ICP", version_of("scipy"), run, "100 cells along the diagonal, Huber loss of 5 % of it"
+)

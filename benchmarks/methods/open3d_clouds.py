@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import open3d as o3d
 
 from benchmarks.methods.method import Array, diagonal
 
+Coarse = Callable[[Array, Array, int], Array]
+"""A coarse registration of source and target with so many voxels to the diagonal."""
+
 VOXELS = 50  # to the diagonal of the target
+TUTORIAL_VOXELS = 61  # the tutorial's 0.05 m on the pair that it registers
+AT_BEST = f"voxel = diagonal / {VOXELS}, ICP on clouds thinned to half of it"
+AS_IN_THE_TUTORIAL = f"voxel = diagonal / {TUTORIAL_VOXELS}, as on its own pair, ICP on all points"
 
 
-def voxel_size(target: Array) -> float:
-    return diagonal(target) / VOXELS
+def voxel_size(target: Array, voxels: int = VOXELS) -> float:
+    return diagonal(target) / voxels
 
 
 def cloud(points: Array, voxel: float) -> o3d.geometry.PointCloud:
@@ -31,12 +39,25 @@ def features(thinned: o3d.geometry.PointCloud, voxel: float) -> o3d.pipelines.re
 def polish(source: Array, target: Array, T: Array) -> Array:
     """Point-to-plane ICP on clouds thinned to half the voxel, pairs up to one voxel apart."""
     voxel = voxel_size(target)
+    return _point_to_plane(cloud(source, voxel / 2), cloud(target, voxel / 2), voxel, T)
+
+
+def at_best(coarse: Coarse, source: Array, target: Array) -> Array:
+    """The coarse registration with the voxel that served it best, and `polish`."""
+    return polish(source, target, coarse(source, target, VOXELS))
+
+
+def as_in_the_tutorial(coarse: Coarse, source: Array, target: Array) -> Array:
+    """The coarse registration, then ICP on all points, pairs up to 0.4 voxels apart."""
+    T, voxel = coarse(source, target, TUTORIAL_VOXELS), voxel_size(target, TUTORIAL_VOXELS)
+    x, y = (o3d.geometry.PointCloud(o3d.utility.Vector3dVector(p)) for p in (source, target))
+    y.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=2 * voxel, max_nn=30))
+    return _point_to_plane(x, y, 0.4 * voxel, T)
+
+
+def _point_to_plane(
+    x: o3d.geometry.PointCloud, y: o3d.geometry.PointCloud, reach: float, T: Array
+) -> Array:
     registration = o3d.pipelines.registration
-    result = registration.registration_icp(
-        cloud(source, voxel / 2),
-        cloud(target, voxel / 2),
-        voxel,
-        T,
-        registration.TransformationEstimationPointToPlane(),
-    )
-    return np.asarray(result.transformation)
+    estimation = registration.TransformationEstimationPointToPlane()
+    return np.asarray(registration.registration_icp(x, y, reach, T, estimation).transformation)

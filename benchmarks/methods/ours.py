@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.methods.method import Array, Method
+from benchmarks.methods.method import Array, Method, version_of
 from mpe_core import RegistrationOptions, register
 
 
@@ -10,7 +10,7 @@ def _method(name: str, settings: str, options: RegistrationOptions) -> Method:
     def run(source: Array, target: Array) -> Array:
         return register(source, target, options).T_target_source
 
-    return Method(name, "mpe", run, settings)
+    return Method(name, version_of("mpe"), run, settings)
 
 
 MPL = _method("MPL", "defaults: global search", RegistrationOptions())

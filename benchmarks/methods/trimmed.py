@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.methods.method import Array, Method
+from benchmarks.methods.method import Array, Method, version_of
 from mpe_core.cloud import as_pair, as_points
 from mpe_core.neighbours import Neighbours
 from mpe_core.refinement import trimmed_icp
@@ -18,4 +18,4 @@ def run(source: Array, target: Array) -> Array:
     return pair.to_caller(found.T_target_source)
 
 
-TRIMMED_ICP = Method("trimmed ICP", "mpe", run, "overlap searched, 200 iterations")
+TRIMMED_ICP = Method("trimmed ICP", version_of("mpe"), run, "overlap searched, 200 iterations")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.comparison import Row, compare, curves, described, medians, settings_text
+from benchmarks.comparison import Row, by_method, compare, curves, described, settings_text
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import CPD, EM_ICP, MPE, MPL, MPL_PAPER
 from mpe_core.sampling import random_rows
@@ -36,7 +36,10 @@ def table(result: Result) -> str:
         "Random parts of the bunny of 35,947 points, turned by up to 90 degrees; seconds. EM-ICP "
         "stops at 7,500 points, as in the paper, CPD at 2,500: it takes minutes then.\n"
         f"{settings_text(result['methods'])}.\n\n"
-        + markdown(("points", *result["methods"]), medians(result["rows"], "points", "seconds"))
+        + markdown(
+            ("points", *(SMALL + MEDIUM + LARGE)),
+            by_method(result["rows"], "seconds", "points", list(result["methods"])),
+        )
     )
 
 

@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 
 from benchmarks.comparison import Row, compare, described, settings_text, values
 from benchmarks.experiment import DATA, Experiment, Result, markdown
-from benchmarks.methods import GLOBAL, MPL
+from benchmarks.methods import GLOBAL, MPL, MPL_PAPER
 from mpe_core.rigid import apply
 from tests.clouds import Trial, real_pair
 
 SUITES = ("kitti10m", "nclt", "eth_tls_facade", "lidar_car", "lidar_small_gicp")
+METHODS = [*GLOBAL, MPL_PAPER]
 SHOWN = ("kitti10m_000", "eth_tls_facade_2_1")
 
 
@@ -33,8 +34,8 @@ def _trials() -> Iterator[tuple[Row, Trial]]:
 def run() -> Result:
     limits = {pair["id"]: (pair["max_rotation_deg"], pair["max_translation"]) for pair in _pairs()}
     return {
-        "rows": compare(GLOBAL, _trials()),
-        "methods": described(GLOBAL),
+        "rows": compare(METHODS, _trials()),
+        "methods": described(METHODS),
         "limits": limits,
     }
 
@@ -53,7 +54,8 @@ def table(result: Result) -> str:
     return (
         "Street and facade pairs turned at random over SO(3), right by the tolerances of each "
         "pair. The paper shows pictures of four Sydney scenes, which are not public; these are the "
-        f"nearest at hand.\n{settings_text(result['methods'])}.\n\n"
+        "nearest at hand. MPL as printed is a local method: half of SO(3) is out of its reach.\n"
+        f"{settings_text(result['methods'])}.\n\n"
         + markdown(("suite", *result["methods"]), [*rows, ["seconds, median", *medians]])
     )
 

@@ -7,9 +7,28 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.comparison import Row, compare, described, settings_text, values
+from benchmarks.comparison import (
+    Row,
+    absent,
+    compare,
+    described,
+    measured,
+    settings_text,
+    values,
+)
 from benchmarks.experiment import DATA, Experiment, Result, markdown
-from benchmarks.methods import FPFH_RANSAC, GICP, KISS, MPL, MPL_PAPER, TRIMMED_ICP
+from benchmarks.methods import (
+    FPFH_RANSAC,
+    GICP,
+    KISS,
+    MPL,
+    MPL_PAPER,
+    PCL_TRIMMED_ICP,
+    ROPS,
+    ROPS_GICP,
+    SAC_IA,
+    TRIMMED_ICP,
+)
 from tests.clouds import Trial, real_pair
 
 PAPER = {  # Chef: degrees, translation
@@ -18,6 +37,18 @@ PAPER = {  # Chef: degrees, translation
     "paper: RoPS": (2.2117, "-"),
     "paper: trimmed ICP": (5.3751, 6.9117),
 }
+METHODS = [
+    MPL,
+    MPL_PAPER,
+    ROPS_GICP,
+    ROPS,
+    SAC_IA,
+    FPFH_RANSAC,
+    KISS,
+    GICP,
+    TRIMMED_ICP,
+    PCL_TRIMMED_ICP,
+]
 STARTS = {"up to 30 degrees": 30.0, "any": 180.0}
 
 
@@ -30,20 +61,20 @@ def _trials() -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
-    methods = [MPL, MPL_PAPER, FPFH_RANSAC, KISS, GICP, TRIMMED_ICP]
-    return {"rows": compare(methods, _trials()), "methods": described(methods)}
+    return {"rows": compare(METHODS, _trials()), "methods": described(METHODS)}
 
 
 def table(result: Result) -> str:
     rows: list[tuple[object, ...]] = []
     for start in STARTS:
-        for name in result["methods"]:
+        for name in measured(result):
             degrees, shift = (
                 values(result["rows"], key, method=name, start=start)
                 for key in ("degrees", "shift")
             )
             right = f"{(degrees < 2).sum()}/{len(degrees)}"
             rows.append((name, start, *(float(np.median(v)) for v in (degrees, shift)), right))
+    rows += absent(result, 5)
     rows += [(name, "not said", degrees, shift, "-") for name, (degrees, shift) in PAPER.items()]
     return (
         "The 17 pairs of UWA's Chef, millimetres; medians over all pairs, lost ones included. The "

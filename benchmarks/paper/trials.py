@@ -1,0 +1,17 @@
+"""Bunnies from anywhere in SO(3)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpe_core.rigid import apply, inverse, random_rotation
+from tests.clouds import Array, Trial, motion, moved
+
+
+def anywhere(cloud: Array, seed: int, *, noise: float = 0.0, outliers: int = 0) -> Trial:
+    """The cloud as target; as source itself with noise and outliers, turned evenly over SO(3) and
+    moved."""
+    rng = np.random.default_rng(seed)
+    trial = moved(cloud, rng, noise=noise, outliers=outliers)
+    T = motion(trial.source, random_rotation(rng), rng)
+    return Trial(apply(T, trial.source), trial.target, trial.T_target_source @ inverse(T))
