@@ -50,7 +50,7 @@ def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
         min_bytes_s: float = 0,
         tls: object = None,
     ) -> Blob:
-        known = KnownFiles(tmp_path / "fetched", blobs, tenant)
+        known = KnownFiles(tmp_path, blobs, tenant)
         bounds = TimeBounds(total_s, stall_s, min_bytes_s)
         door = Door(rules, resolve=names, tls=tls)
         return Download(door, blobs, known, bounds=bounds, max_bytes=max_bytes).run(parse_url(url))

@@ -6,7 +6,7 @@ import hashlib
 
 import pytest
 
-from service.fetching.known import KnownFiles
+from service.fetching.known import forget_removed
 from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.storage import BlobStore
 from tests.service.fetching.conftest import Fetch
@@ -120,13 +120,12 @@ def test_what_is_known_of_removed_files_is_forgotten(
 ) -> None:
     web.behaviours["/file"] = Versioned(ETag='"1"')
     blob = fetch(web.url("/file?X-Amz-Signature=secret"))
-    known = KnownFiles(blobs.root / "fetched", blobs)
     (said,) = (blobs.root / "fetched").iterdir()
     assert "secret" not in said.read_text() + said.name
-    known.collect()
+    forget_removed(blobs.root, blobs)
     assert said.exists()
     blobs.path(blob.sha256).unlink()
-    known.collect()
+    forget_removed(blobs.root, blobs)
     assert not said.exists()
 
 
