@@ -32,6 +32,7 @@ def receiver() -> Iterator[Receiver]:
 @pytest.fixture(scope="module")
 def settings(postgres: Postgres, receiver: Receiver) -> dict[str, object]:
     hooks = {"webhook_hosts": "127.0.0.1", "webhook_secret": "ebb", "webhook_retry_s": 0.1}
+    hooks["private_networks"] = "127.0.0.0/8"
     database_url = postgres.new_database()
     return {**hooks, "database_url": database_url, "workers": 1, "upkeep_interval_s": 1}
 
