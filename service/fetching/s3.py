@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from obstore.store import S3Config, S3Store
 
 EVERYWHERE = (ip_network("0.0.0.0/0"), ip_network("::/0"))
-_ADDRESS = re.compile(r"s3://([a-z0-9][a-z0-9.-]{1,61}[a-z0-9])/(.+)", re.DOTALL)
+_ADDRESS = re.compile(r"s3://([a-z0-9][a-z0-9.-]{1,61}[a-z0-9])/([^\x00-\x1f\x7f]+)")
 CREDENTIALS_TIMEOUT_S = 5
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
 from typing import Self
+
+_TAG = re.compile(r'(?:W/)?"[!#-~]{0,256}"')
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,10 +20,12 @@ class Validators:
     @classmethod
     def of(cls, headers: dict[str, str]) -> Self:
         """Those of an answer."""
-        modified = headers.get("last-modified")
+        etag, modified = headers.get("etag"), headers.get("last-modified")
+        if etag is not None and not _TAG.fullmatch(etag):
+            etag = None
         if modified is not None and not _is_strong(modified, headers.get("date")):
             modified = None
-        return cls(headers.get("etag"), modified)
+        return cls(etag, modified)
 
     @property
     def conditions(self) -> dict[str, str]:
@@ -44,6 +49,7 @@ def _is_strong(modified: str, date: str | None) -> bool:
     if date is None:
         return False
     try:
-        return (parsedate_to_datetime(date) - parsedate_to_datetime(modified)).total_seconds() >= 1
+        age = parsedate_to_datetime(date) - parsedate_to_datetime(modified)
+        return modified.isascii() and age.total_seconds() >= 1
     except (ValueError, TypeError):
         return False

@@ -45,8 +45,8 @@ def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
         *,
         tenant: str = "",
         max_bytes: int = 10**6,
-        total_s: float = 20,
-        stall_s: float = 10,
+        total_s: float = 60,
+        stall_s: float = 30,
         min_bytes_s: float = 0,
         tls: object = None,
     ) -> Blob:

@@ -70,7 +70,16 @@ def test_what_has_changed_is(web: Web, fetch: Fetch) -> None:
 
 
 @pytest.mark.parametrize(
-    "said", [{}, {"Last_Modified": NOW, "Date": NOW}, {"Last_Modified": "then", "Date": NOW}]
+    "said",
+    [
+        {},
+        {"ETag": "1"},
+        {"ETag": '"\u00e9"'},
+        {"ETag": '"' + "1" * 5000 + '"'},
+        {"Last_Modified": NOW, "Date": NOW},
+        {"Last_Modified": "then", "Date": NOW},
+        {"Last_Modified": THEN + " \u00e9", "Date": NOW},
+    ],
 )
 def test_no_condition_without_something_to_rely_on(
     said: dict[str, str], web: Web, fetch: Fetch
