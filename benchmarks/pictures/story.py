@@ -1,0 +1,75 @@
+"""What `register` does with a pair, noted step by step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.experiment import DATA
+from mpe_core import Registration, RegistrationOptions, global_search, registration
+from mpe_core.cloud import Pair, as_pair, as_points
+from mpe_core.rigid import rotation_error
+from mpe_core.surface import Surface
+from tests.clouds import real_pair
+
+Array = NDArray[np.float64]
+
+PAIR = "bunny_bun090_bun045"
+
+
+@dataclass
+class Story:
+    """What `register` did with a pair, step by step; poses are between the centred clouds."""
+
+    pair: Pair
+    R_true: Array
+    result: Registration | None = None
+    alignment: Any = None
+    found: Any = None
+    rotations: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
+    votes: Array = field(default_factory=lambda: np.empty(0))
+    waves: list[tuple[Array, Array]] = field(default_factory=list)
+    """Poses and scores after each wave."""
+
+    def degrees(self, T: Array) -> float:
+        return rotation_error(T[:3, :3], self.R_true)
+
+    @property
+    def surfaces(self) -> tuple[Surface, Surface]:
+        return self.alignment.source.surface, self.alignment.target.surface
+
+
+def tell() -> Story:
+    """Register the pair, and note what each step came to."""
+    trial = real_pair(DATA, PAIR)
+    pair = as_pair(as_points(trial.source), as_points(trial.target))
+    story = Story(pair, trial.T_target_source[:3, :3])
+
+    def vote(rotations: Array, *rest: Any) -> Any:
+        translations, votes = best_translations(rotations, *rest)
+        story.rotations, story.votes = rotations.astype(float), votes
+        return translations, votes
+
+    def wave(poses: Array, *rest: Any) -> Any:
+        scores = descend_wave(poses, *rest)
+        story.waves.append((poses.copy(), scores.copy()))
+        return scores
+
+    def align(alignment: Any, *rest: Any) -> Any:
+        story.alignment = alignment
+        story.found = all_steps(alignment, *rest)
+        return story.found
+
+    best_translations, descend_wave = global_search.best_translations, global_search._descend
+    all_steps = registration.align
+    with (
+        patch.object(global_search, "best_translations", vote),
+        patch.object(global_search, "_descend", wave),
+        patch.object(registration, "align", align),
+    ):
+        story.result = registration.register(trial.source, trial.target, RegistrationOptions())
+    return story
