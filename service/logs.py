@@ -61,7 +61,6 @@ def configure_logs(level: str) -> None:
                 "uvicorn.access": {"level": "WARNING"},
                 "alembic.runtime.migration": {"level": "WARNING"},
                 # these tell of addresses, headers and bodies
-                "httpx": {"level": "WARNING"},
                 "httpcore": {"level": "WARNING"},
                 "python_multipart": {"level": "WARNING"},
             },

@@ -14,6 +14,9 @@ import psutil
 import pytest
 import trustme
 
+from service.fetching import FetchRules, check_source
+from service.problems import AddressRefusedError
+from service.settings import Settings
 from tests.e2e.processes import workers
 from tests.e2e.scans import arms, as_npy
 from tests.server import Server, running_server
@@ -93,9 +96,22 @@ def fetching(
             directory,
             private_networks="127.0.0.0/8, ::1/128",
             max_body_bytes=20_000_000,
-            url_stall_s=3,
         ) as server:
             yield server
+
+
+@pytest.fixture(scope="module")
+def impatient(tmp_path_factory: pytest.TempPathFactory, web: Web) -> Iterator[Server]:
+    """It calls one host at one port, and waits for nobody."""
+    directory = tmp_path_factory.mktemp("impatient")
+    with running_server(
+        directory,
+        url_hosts="127.0.0.1, nobody.invalid",
+        url_ports=web.server_port,
+        private_networks="127.0.0.0/8",
+        url_stall_s=1,
+    ) as server:
+        yield server
 
 
 def post(server: Server, source: str, target: str | None = None) -> httpx.Response:
@@ -167,7 +183,6 @@ def test_the_way_in_is_not_shown_or_logged(fetching: Server, web: Web) -> None:
         ("http://127.0.0.1:{port}/missing", "fetch-status", "404"),
         ("http://127.0.0.1:{port}/round", "fetch-failed", "redirects"),
         ("http://127.0.0.1:{port}/large", "fetch-too-large", "20000000 bytes"),
-        ("http://127.0.0.1:{port}/drip", "fetch-too-slow", "bytes a second"),
         ("https://127.0.0.1:{port}/cloud.npy", "fetch-tls", "TLS"),
         ("http://127.0.0.1:14999/cloud.npy", "fetch-failed", "reached"),
     ],
@@ -186,8 +201,13 @@ def test_what_cannot_be_fetched_is_explained(
     assert job["error"]["type"] == problem["type"]
 
 
-def test_a_name_that_nobody_has(fetching: Server) -> None:
-    problem = post(fetching, "http://nobody.invalid/cloud.npy").json()
+def test_a_slow_drip_is_not_waited_for(impatient: Server, web: Web) -> None:
+    problem = post(impatient, web.url("/drip", "127.0.0.1")).json()
+    assert problem["type"] == "urn:mpe:problem:fetch-too-slow"
+
+
+def test_a_name_that_nobody_has(impatient: Server, web: Web) -> None:
+    problem = post(impatient, web.url("/cloud.npy", "nobody.invalid")).json()
     name, slow = (f"urn:mpe:problem:fetch-{end}" for end in ("name", "too-slow"))
     assert problem["type"] in (name, slow), "or nobody who knows names answered in time"
     assert "resolved" in problem["detail"]
@@ -248,20 +268,24 @@ def test_private_networks_are_closed_by_default(server: Server) -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "word"),
+    ("url", "word"),
     [
-        ({"url_fetching": "false"}, "MPE_URL_FETCHING"),
-        ({"url_hosts": "scans.example.org"}, "MPE_URL_HOSTS"),
-        ({"url_ports": "443"}, "port"),
+        ("http://127.0.0.2:{port}/cloud.npy", "MPE_URL_HOSTS"),
+        ("http://example.org:{port}/cloud.npy", "MPE_URL_HOSTS"),
+        ("http://127.0.0.1/cloud.npy", "port"),
     ],
 )
-def test_it_can_be_limited_and_turned_off(
-    tmp_path: Path, settings: dict[str, str], word: str
-) -> None:
-    with running_server(tmp_path, private_networks="127.0.0.0/8", **settings) as closed:
-        response = post(closed, "http://127.0.0.1:8000/cloud.npy")
+def test_hosts_and_ports_can_be_limited(impatient: Server, web: Web, url: str, word: str) -> None:
+    response = post(impatient, url.format(port=web.server_port))
     assert response.status_code == 403
     assert word in response.json()["detail"]
+
+
+def test_fetching_can_be_turned_off() -> None:
+    rules = FetchRules.of(Settings(url_fetching=False, s3_buckets=("scans",)))
+    for url in ("https://example.org/", "s3://scans/a"):
+        with pytest.raises(AddressRefusedError, match="MPE_URL_FETCHING"):
+            check_source(url, rules)
 
 
 def test_what_decodes_has_no_network_and_what_fetches_has(fetching: Server, web: Web) -> None:

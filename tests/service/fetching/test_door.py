@@ -197,7 +197,7 @@ SLOW = [drip_head, drip_body, drip_chunks, go_on_and_on]
 @pytest.mark.parametrize("behaviour", SLOW)
 def test_a_slow_drip_is_too_slow(behaviour: object, web: Web, fetch: Fetch) -> None:
     web.behaviours["/slow"] = behaviour  # type: ignore[assignment]
-    with pytest.raises(FetchTooSlowError, match="bytes a second|go on, in time"):
+    with pytest.raises(FetchTooSlowError, match=r"bytes a second|go on, in time"):
         fetch(web.url("/slow"), stall_s=0.3, min_bytes_s=10_000)
 
 
