@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -45,7 +44,7 @@ class KnownFiles:
         if not known.validators.conditions:
             path.unlink(missing_ok=True)
             return
-        draft = path.with_suffix(f".{os.getpid()}")
+        draft = self._blobs.incoming / path.name
         draft.write_text(json.dumps(asdict(known)))
         draft.replace(path)
 
@@ -60,6 +59,6 @@ def forget_removed(data_dir: Path, blobs: BlobStore) -> None:
         try:
             sha256 = json.loads(path.read_bytes())["blob"]["sha256"]
         except (FileNotFoundError, ValueError, TypeError, KeyError):
-            continue  # being written, or removed meanwhile
+            continue  # removed meanwhile
         if not blobs.path(sha256).exists():
             path.unlink(missing_ok=True)
