@@ -19,6 +19,27 @@ def test_variables_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
     assert settings.url_hosts == ("scans.example.org", "files.example.org")
 
 
+def test_ports_and_networks_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPE_URL_PORTS", "443, 8443")
+    monkeypatch.setenv("MPE_PRIVATE_NETWORKS", "10.1.0.0/16, fd00:1::/32,192.168.0.7")
+    settings = Settings()
+    assert settings.url_ports == (443, 8443)
+    networks = ("10.1.0.0/16", "fd00:1::/32", "192.168.0.7/32")
+    assert tuple(map(str, settings.private_networks)) == networks
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("URL_PORTS", "0"), ("URL_PORTS", "https"), ("PRIVATE_NETWORKS", "intern.example.org")],
+)
+def test_other_ports_and_networks_are_refused(
+    name: str, value: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(f"MPE_{name}", value)
+    with pytest.raises(ValidationError, match=name.lower()):
+        Settings()
+
+
 def test_threads_fill_the_cores() -> None:
     assert Settings(workers=1).threads == available_cores()
     settings = Settings()
