@@ -114,19 +114,20 @@ class Worker:
             if message is not None and "stage" not in message:
                 return message
             with contextlib.suppress(NotReadyError):  # the lease lasts while the store is away
-                mine = self._is_mine(job, beats=now >= beat)
-                beat = now + HEARTBEAT_S if now >= beat else beat
-                if mine and message is not None:
-                    mine = self.store.progress(job, message["stage"], message["fraction"])
+                if now >= beat:
+                    mine = self.store.heartbeat(job, lease_s=LEASE_S)
+                    beat = now + HEARTBEAT_S
+                mine = mine and self._is_mine(job, message)
             if message is not None:
                 self.announce(job.id)
                 self.standby.begin()  # for the next task, while this one runs
         return None
 
-    def _is_mine(self, job: JobRow, *, beats: bool) -> bool:
-        if beats:
-            return self.store.heartbeat(job, lease_s=LEASE_S)
-        return self.store.holds(job)
+    def _is_mine(self, job: JobRow, message: dict[str, Any] | None) -> bool:
+        """Record how far the child is, if it said so; False when the job has been taken away."""
+        if message is None:
+            return self.store.holds(job)
+        return self.store.progress(job, message["stage"], message["fraction"])
 
     def _record_fetched(self, job: JobRow, answer: dict[str, Any]) -> JobRow | None:
         """The job with its clouds here; None when it is not to be gone on with."""

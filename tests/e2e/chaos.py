@@ -35,7 +35,7 @@ SETTINGS = {
     "webhook_secret": "chaos",
     "private_networks": "127.0.0.0/8",
     "webhook_retry_s": 0.2,
-    "blob_grace_s": 10,
+    "blob_grace_s": 20,
     "upkeep_interval_s": 0.5,
 }
 TARGET = arms(0)
