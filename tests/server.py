@@ -20,6 +20,8 @@ PROJECT = Path(__file__).parent.parent
 PORTS = range(15_000, 32_000)
 """Below those that systems give to outgoing connections, one of which could take the port away."""
 CALL_S = 150.0
+START_S = 240.0
+"""A first start compiles the kernels."""
 
 
 class Server:
@@ -54,9 +56,9 @@ class Server:
             )
         path = "/readyz" if ready else "/livez"
         try:
-            until(lambda: self._answers(path))
+            until(lambda: self._answers(path), within_s=START_S)
         except AssertionError as error:
-            error.add_note(self.log)
+            error.add_note(self.log[-20_000:])
             raise
 
     def stop(self) -> None:

@@ -87,7 +87,8 @@ def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]
             )
         for part in scene.dump():
             if hasattr(part, "faces"):
-                faces.append(np.asarray(part.faces, np.int64) + sum(map(len, vertices)))
+                corners = np.asarray(part.faces, np.int64).reshape(-1, 3)
+                faces.append(corners + sum(map(len, vertices)))
             vertices.append(np.asarray(part.vertices, np.float64).reshape(-1, 3))
     except MemoryError:
         raise

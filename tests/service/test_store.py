@@ -9,6 +9,7 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
+from sqlalchemy import update
 
 from service.jobs.database import Database
 from service.jobs.intake import Idempotency
@@ -16,6 +17,7 @@ from service.jobs.job import CloudInput, JobRow, Outcome, Retention
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs
 from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore
+from service.jobs.tables import jobs
 from service.problems import IdempotencyMismatchError, QueueFullError
 
 CLOUD = CloudInput(sha256="ab", size=1)
@@ -30,8 +32,8 @@ def database(url: str) -> Iterator[Database]:
     opened.close()
 
 
-def open_store(database: Database, *, queue_limit: int = 100, result_s: float = 60) -> JobStore:
-    retention = Retention(result_s=result_s, job_s=2 * result_s)
+def open_store(database: Database, *, queue_limit: int = 100) -> JobStore:
+    retention = Retention(result_s=60, job_s=120)
     return JobStore(database, queue_limit=queue_limit, retention=retention)
 
 
@@ -231,19 +233,26 @@ def test_same_work_is_done_once(store: JobStore) -> None:
     assert add(store, work_key="v").status == "queued"
 
 
+def change(database: Database, **values: Any) -> None:
+    """Of the jobs that have ended."""
+    with database.write() as connection:
+        ended = jobs.c.finished_at.is_not(None)
+        connection.execute(update(jobs).where(ended).values(**values))
+
+
 def test_results_expire_before_jobs(database: Database) -> None:
-    store = open_store(database, result_s=0.2)
+    store = open_store(database)
     done, waiting = add(store, work_key="w"), add(store)
     store.succeed(claimed(store), OUTCOME, "w")
     drop_expired(database)
     assert needed_blobs(database) == {"ab", "result", "inliers"}
-    time.sleep(0.25)
+    change(database, result_expires_at=time.time() - 1)
     assert add(store, work_key="w").status == "queued"
     drop_expired(database)
     row = store.get(done.id)
     assert row is not None
     assert (row.status, row.result_sha256) == ("succeeded", None)
-    time.sleep(0.2)
+    change(database, expires_at=time.time() - 1)
     drop_expired(database)
     assert store.get(done.id) is None
     assert store.get(waiting.id) == waiting
