@@ -19,7 +19,7 @@ from service.problems import AddressRefusedError
 from service.settings import Settings
 from tests.e2e.processes import workers
 from tests.e2e.scans import arms, as_npy
-from tests.server import Server, running_server
+from tests.server import Server, finished, running_server
 from tests.service.fetching.web import Handler, Web, serving
 from tests.waiting import until
 
@@ -288,8 +288,21 @@ def test_fetching_can_be_turned_off() -> None:
             check_source(url, rules)
 
 
-def test_what_decodes_has_no_network_and_what_fetches_has(fetching: Server, web: Web) -> None:
-    big, go_on = as_npy(arms(4, 400_000)), threading.Event()
+def test_a_deadline_ends_a_fetch(fetching: Server, web: Web) -> None:
+    url = {"url": web.url("/drip", "127.0.0.1")}
+    response = fetching.client.post(
+        "/v1/registrations",
+        json={"source": url, "target": url, "deadline_s": 1},
+        headers={"Prefer": "wait=60"},
+    )
+    assert response.json()["error"]["type"] == "urn:mpe:problem:deadline-passed"
+    until(lambda: not workers(fetching))
+
+
+def test_what_decodes_has_no_network_and_what_is_here_is_not_fetched_again(
+    fetching: Server, web: Web
+) -> None:
+    big, go_on = as_npy(arms(4, 200_000)), threading.Event()
 
     def give_later(handler: Handler) -> None:
         go_on.wait(100)
@@ -300,8 +313,11 @@ def test_what_decodes_has_no_network_and_what_fetches_has(fetching: Server, web:
     job = fetching.client.post("/v1/registrations", json={"source": url, "target": url}).json()
     until(lambda: "0" in map(seccomp, workers(fetching)))
     go_on.set()
-    until(lambda: "2" in map(seccomp, workers(fetching)))
-    fetching.client.delete(f"/v1/registrations/{job['id']}")
+    sealed = until(lambda: [found for found in workers(fetching) if seccomp(found) == "2"])
+    sealed[0].kill()
+    done = finished(fetching.client, job["id"])
+    assert (done["status"], done["attempt"]) == ("succeeded", 2)
+    assert [path for path, _ in web.requests].count("/big") == 2
 
 
 def seccomp(process: psutil.Process) -> str | None:

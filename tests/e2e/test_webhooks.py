@@ -16,6 +16,7 @@ import pytest
 from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import arms, as_npy
 from tests.server import Server, running_server
+from tests.service.fetching.web import serving
 from tests.waiting import until
 
 CLOUD = as_npy(arms(1))
@@ -122,6 +123,15 @@ def test_why_no_call_came_through_is_told_without_the_query(server: Server) -> N
     assert log["tries"][0]["status_code"] is None
     assert "cannot be reached" in log["tries"][0]["error"]
     assert "secret" not in server.client.get(f"/v1/registrations/{job['id']}").text
+
+
+def test_a_redirect_is_an_answer_like_any_other(server: Server) -> None:
+    with serving() as web:
+        web.behaviours["/hook"] = lambda handler: handler.give(b"", 307, Location="/file")
+        job = submit(server, web.url("/hook", "127.0.0.1"))
+        (log,) = until(lambda: [item for item in deliveries(server, job) if item["tries"]])
+        assert log["tries"][0]["status_code"] == 307
+        assert "/file" not in [path for path, _ in web.requests]
 
 
 def test_a_host_on_a_private_network_is_not_called(server: Server) -> None:
