@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Self, get_type_hints
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from mpe_core.options import RegistrationOptions
+from mpe_core.options import Matrix, RegistrationOptions, Vector
+from service.shapes import GivenMatrix, GivenVector
 
 EXACT = 2**53
 """Below it, a float that is whole is exactly that whole number."""
@@ -21,9 +22,13 @@ BOUNDS: dict[str, dict[str, Any]] = {
     "sample_size": {"minimum": 3},
     "overlap": {"exclusiveMinimum": 0, "maximum": 1},
     "inlier_threshold": {"exclusiveMinimum": 0},
+    "voxel_size": {"exclusiveMinimum": 0},
     "max_iterations": {"minimum": 1},
     "seed": {"minimum": 0},
 }
+
+# JSON has lists where mpe_core has tuples
+AS_JSON: dict[Any, Any] = {Vector | None: GivenVector, Matrix | None: GivenMatrix}
 
 
 class StrictModel(BaseModel):
@@ -86,7 +91,7 @@ def _options_model() -> type[_CheckedOptions]:
     hints = get_type_hints(RegistrationOptions, include_extras=True)
     fields: dict[str, Any] = {
         field.name: (
-            hints[field.name],
+            AS_JSON.get(hints[field.name], hints[field.name]),
             Field(
                 field.default,
                 description=docs[field.name],

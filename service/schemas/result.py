@@ -7,10 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from service.schemas.document import Document
+from service.shapes import Matrix, Row, Vector
 
 INLINE_PAIRS = 100_000
-Row = Annotated[list[float], Field(min_length=4, max_length=4)]
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 
@@ -31,9 +30,6 @@ class InlierSummary(Document):
         description="[source index, target index] of each pair, counted from 0 in the order of the "
         f"files; null above {INLINE_PAIRS:,} pairs: fetch .../inliers then."
     )
-
-
-Matrix = Annotated[list[Row], Field(min_length=4, max_length=4)]
 
 
 class Result(Document):
