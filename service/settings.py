@@ -147,7 +147,9 @@ class Settings(BaseSettings):
         "the extra `s3`.",
     )
     s3_endpoint: str | None = Field(
-        default=None, description="Address of the server that holds them; unset: Amazon's."
+        default=None,
+        pattern="^https?://",
+        description="Address of the server that holds them; unset: Amazon's.",
     )
     s3_region: str = Field(default="us-east-1", description="Region of the buckets.")
     s3_access_key_id: str | None = Field(
@@ -238,6 +240,8 @@ class Settings(BaseSettings):
     def _can_sign(self) -> Settings:
         if self.s3_buckets and find_spec("obstore") is None:
             raise ValueError("MPE_S3_BUCKETS names buckets: install the extra s3 (obstore)")
+        if (self.s3_access_key_id is None) != (self.s3_secret_access_key is None):
+            raise ValueError("MPE_S3_ACCESS_KEY_ID and MPE_S3_SECRET_ACCESS_KEY: set both or none")
         return self
 
     @property

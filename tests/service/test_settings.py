@@ -30,7 +30,12 @@ def test_ports_and_networks_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("URL_PORTS", "0"), ("URL_PORTS", "https"), ("PRIVATE_NETWORKS", "intern.example.org")],
+    [
+        ("URL_PORTS", "0"),
+        ("URL_PORTS", "https"),
+        ("PRIVATE_NETWORKS", "intern.example.org"),
+        ("S3_ENDPOINT", "store:9000"),
+    ],
 )
 def test_other_ports_and_networks_are_refused(
     name: str, value: str, monkeypatch: pytest.MonkeyPatch
@@ -38,6 +43,11 @@ def test_other_ports_and_networks_are_refused(
     monkeypatch.setenv(f"MPE_{name}", value)
     with pytest.raises(ValidationError, match=name.lower()):
         Settings()
+
+
+def test_half_a_key_of_s3_is_refused() -> None:
+    with pytest.raises(ValidationError, match="set both or none"):
+        Settings(s3_access_key_id="scanner")
 
 
 def test_threads_fill_the_cores() -> None:
