@@ -137,7 +137,8 @@ class JobStore:
 
     def progress(self, job: JobRow, stage: str, fraction: float) -> bool:
         """Record how far the attempt is; False when it is no longer the job's."""
-        return self._change(_mine(job), job.id, stage=stage, fraction=fraction)
+        with self._database.write(durable=False) as connection:
+            return _changed(connection, _mine(job), job.id, stage=stage, fraction=fraction)
 
     def fetched(self, job: JobRow) -> bool:
         """Record that its clouds are here; False when the attempt is no longer the job's."""
