@@ -62,11 +62,13 @@ def register(
     """
     options = options or RegistrationOptions()
     progress = Progress(on_progress)
-    with progress.stage("prepare"):
+    with progress.stage("prepare") as report:
         x = as_points(source, "source", source_weights)
         y = as_points(target, "target", target_weights)
         pair = as_pair(x, y)
+        report(0.3)
         scans = _scans(x, y, pair, options)
+        report(0.8)
         alignment = Alignment(*scans, Knowledge.of(options, pair), options)
     if options.method == "mpl" and options.search == "global":
         best, *others = align(alignment, progress)

@@ -45,10 +45,11 @@ def reports(trial, options, leave_at=None):
 )
 def test_a_caller_may_leave_at_every_report(trial, options, least):
     whole = reports(trial, options)
+    assert [stage for stage, _ in whole].count("prepare") == 3
     within_search = [k for k, (stage, _) in enumerate(whole) if stage == "search"][1:]
     assert len(within_search) >= least
     some = within_search[:: max(1, len(within_search) // 3)]
-    for k in (0, *some, len(whole) - 1):
+    for k in (0, 1, *some, len(whole) - 1):
         left = reports(trial, options, leave_at=k + 1)
         assert left == whole[: k + 1]  # nothing was done after the call that raised
 
