@@ -49,7 +49,7 @@ format: setup  ## put the formatting right
 	.venv/bin/ruff check --fix .
 
 openapi: setup  ## write openapi.yaml and the tables of README.md from the app
-	$(PY) -m service.openapi > .openapi.yaml && mv .openapi.yaml openapi.yaml
+	$(PY) -m tools.print_openapi > .openapi.yaml && mv .openapi.yaml openapi.yaml
 	$(PY) -m tools.readme_tables
 
 lock: setup  ## resolve the lock files again from pyproject.toml

@@ -23,11 +23,11 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from mpe_core import RegistrationOptions
-from service.core import running_service
 from service.formats import read_points
 from service.jobs.job import CloudInput, JobRow
 from service.keys import DEFAULT_TENANT
 from service.metrics import Metrics
+from service.running import running_service
 from service.settings import Settings
 from tests.server import Server, running_server
 

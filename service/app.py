@@ -9,7 +9,6 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from service.access import Access
-from service.core import running_service
 from service.errors import register_error_handlers
 from service.headers import CORS, SecurityHeaders
 from service.lingering import LingeringClose
@@ -26,6 +25,7 @@ from service.routes import (
     registrations,
     uploads,
 )
+from service.running import running_service
 from service.settings import Settings
 
 

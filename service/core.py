@@ -1,32 +1,22 @@
-"""The parts of a running service, put together and taken apart."""
+"""The parts of a running service."""
 
 from __future__ import annotations
 
-import fcntl
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from service.clouds import CloudStore
 from service.gate import Gate
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
-from service.jobs.database import Database, open_database
+from service.jobs.database import Database
 from service.jobs.deliveries import DeliveryStore
-from service.jobs.job import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
-from service.jobs.webhooks import Webhooks
-from service.keys import KeyStore
-from service.metrics import Metrics
 from service.rate_limit import RateLimit
 from service.settings import Settings
 from service.share import Shares
 from service.storage import BlobStore
 from service.telemetry import Telemetry
-from service.tracing import Tracing
-from service.upkeep import Upkeep
 from service.uploads import UploadStore
 
 
@@ -48,64 +38,3 @@ class Service:
     shares: Shares
     rate_limit: RateLimit = field(default_factory=RateLimit)
     keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
-
-
-@contextmanager
-def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
-    """Hold the data directory, open its store, work on its queue; stop in the reverse order."""
-    with _owned(settings.data_dir, shared=settings.database_url is not None):
-        service = _assemble(settings, metrics)
-        service.blobs.discard_incoming()
-        webhooks = Webhooks(service.store, service.deliveries, settings)
-        upkeep = Upkeep(service)
-        for part in (service.queue, upkeep, webhooks):
-            part.start()
-        try:
-            yield service
-        finally:
-            webhooks.stop()
-            upkeep.stop()
-            service.queue.stop(grace_s=0)
-            service.telemetry.close()
-            service.database.close()
-
-
-def _assemble(settings: Settings, metrics: Metrics) -> Service:
-    blobs = BlobStore(settings.data_dir)
-    database = open_database(settings)
-    retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
-    store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
-    changes = Changes()
-    tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
-    telemetry = Telemetry(metrics, tracing)
-    metrics.watch(store)
-    return Service(
-        settings=settings,
-        database=database,
-        blobs=blobs,
-        store=store,
-        queue=Queue(store, blobs, settings, changes.announce, telemetry.ended),
-        changes=changes,
-        deliveries=DeliveryStore(database),
-        clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
-        uploads=UploadStore(
-            database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
-        ),
-        telemetry=telemetry,
-        gate=Gate(KeyStore(database), settings),
-        shares=Shares(database),
-    )
-
-
-@contextmanager
-def _owned(data_dir: Path, *, shared: bool) -> Iterator[None]:
-    """Hold the directory, alone or with others who share it; RuntimeError when that cannot be."""
-    data_dir.mkdir(parents=True, exist_ok=True)
-    with (data_dir / "lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise RuntimeError(
-                f"another service already uses {data_dir}; set MPE_DATA_DIR to another directory"
-            ) from None
-        yield

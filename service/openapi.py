@@ -1,8 +1,7 @@
-"""The OpenAPI description; `python -m service.openapi` prints it as YAML."""
+"""The OpenAPI description of the app."""
 
 from __future__ import annotations
 
-import sys
 from importlib.metadata import version
 from typing import Any
 
@@ -86,18 +85,3 @@ def _problem_response() -> dict[str, Any]:
         "description": "What went wrong.",
         "content": {"application/problem+json": {"schema": reference}},
     }
-
-
-def main() -> None:
-    """Print the description."""
-    import yaml
-
-    from service.app import create_app
-
-    yaml.safe_dump(
-        create_app().openapi(), sys.stdout, sort_keys=False, allow_unicode=True, width=100
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -5,15 +5,12 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from typing import TYPE_CHECKING
 
+from service.core import Service
 from service.fetching import forget_removed
 from service.jobs.prepared import PreparedClouds
 from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
 from service.jobs.scratch import discard_scratch
-
-if TYPE_CHECKING:
-    from service.core import Service
 
 log = logging.getLogger(__name__)
 
