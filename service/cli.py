@@ -6,12 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from pydantic import ValidationError
 
-from mpe_core import Registration, RegistrationError, RegistrationOptions
+from mpe_core import Registration, RegistrationError
+from service.align_arguments import CLOUDS, add_options, add_reading, numbers_as_such, options_of
 from service.formats import (
     WRITERS,
     CloudFileError,
@@ -21,17 +21,16 @@ from service.formats import (
     write_cloud,
 )
 from service.moved import moved
-from service.options import Options
 from service.schemas import Reading
 from service.settings import Settings
 
-CLOUDS = ("source", "target")
 WORKED, FAILED, MISUSED = 0, 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; 0 when it worked, 1 when an input is at fault, 2 when the call is."""
-    given = _parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    given = _parser().parse_args(numbers_as_such(words))
     return {"align": _align, "serve": _serve, "keys": _manage_keys}[given.command](given)
 
 
@@ -49,8 +48,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help=f"write the moved source there; the ending says how: {', '.join(WRITERS)}",
     )
-    _add_reading(align)
-    _add_options(align)
+    add_reading(align)
+    add_options(align)
     serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
@@ -78,38 +77,6 @@ def _add_keys(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     revoke.add_argument("id", help="its id, as `mpe keys list` shows it")
 
 
-def _add_reading(parser: argparse.ArgumentParser) -> None:
-    """--source-format and the like: one for each cloud and each field of a reading."""
-    group = parser.add_argument_group("reading of the files")
-    for role in CLOUDS:
-        for name, field in Reading.model_fields.items():
-            kind = str if name == "format" else int
-            group.add_argument(
-                f"--{role}-{name.replace('_', '-')}",
-                type=kind,
-                metavar=kind.__name__.upper(),
-                help=field.description,
-            )
-
-
-def _add_options(parser: argparse.ArgumentParser) -> None:
-    """One --option for each option of a registration, with its own description and default."""
-    group = parser.add_argument_group("options of the registration")
-    for name, field in Options.model_fields.items():
-        kinds = get_args(field.annotation) or (field.annotation,)
-        words = all(isinstance(kind, str) for kind in kinds)
-        description = f"{field.description} Default: {field.default}.".replace("%", "%%")
-        group.add_argument(
-            f"--{name.replace('_', '-')}",
-            dest=name,
-            default=field.default,
-            type=str if words else kinds[0],
-            choices=kinds if words else None,
-            metavar=None if words else kinds[0].__name__.upper(),
-            help=description,
-        )
-
-
 def _at_least_0(text: str) -> float:
     number = float(text)
     if not 0 <= number < float("inf"):
@@ -128,12 +95,16 @@ def _align(given: argparse.Namespace) -> int:
     from mpe_core import register  # loads the kernels, which `mpe serve` must not
 
     try:
-        options = RegistrationOptions(
-            **{name: getattr(given, name) for name in Options.model_fields}
-        )
+        options = options_of(given)
         ending = _ending(given.output)
         source, target = (_read(role, given) for role in CLOUDS)
-        found = register(source.points, target.points, options)
+        found = register(
+            source.points,
+            target.points,
+            options,
+            source_weights=source.weights,
+            target_weights=target.weights,
+        )
         if given.output:
             cloud = moved(source, found.T_target_source)
             write_cloud(given.output, ending, cloud.points, cloud.attributes)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpe_core import errors as core
-from service.formats.errors import CloudFileError
+from service.formats.errors import CloudFileError, MissingAttributeError
 
 TYPE_PREFIX = "urn:mpe:problem:"
 
@@ -171,6 +171,7 @@ class ProblemType:
     title: str
 
 
+INVALID_WEIGHTS = ProblemType(422, "invalid-weights", "The weights do not fit the cloud")
 PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     InvalidRequestError: ProblemType(422, "invalid-request", "The request is not valid"),
     MalformedBodyError: ProblemType(400, "malformed-body", "The body cannot be parsed"),
@@ -213,6 +214,8 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     JobMemoryError: ProblemType(507, "job-memory", "The registration needs too much memory"),
     WorkerLostError: ProblemType(500, "worker-lost", "The worker ended without an answer"),
     CloudFileError: ProblemType(422, "unreadable-cloud", "The file is not a readable point cloud"),
+    MissingAttributeError: INVALID_WEIGHTS,
+    core.InvalidWeightsError: INVALID_WEIGHTS,
     core.InvalidOptionsError: ProblemType(422, "invalid-options", "The options are not valid"),
     core.CloudShapeError: ProblemType(422, "cloud-shape", "The cloud is not a list of 3-D points"),
     core.TooFewPointsError: ProblemType(422, "too-few-points", "The cloud has too few points"),

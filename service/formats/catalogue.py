@@ -23,7 +23,8 @@ from service.formats import (
 )
 from service.formats.cloud import DecodedCloud
 
-Choice = Literal["scan", "surface_samples", "attributes"]
+Choice = Literal["scan", "surface_samples", "attributes", "weights"]
+"""All attributes, or the one that holds the weights."""
 
 
 def _never(_: Any) -> bool:
@@ -95,6 +96,7 @@ FORMATS = (
         (".npy",),
         _starts(numpy_file.MAGIC),
         numpy_file.read_npy,
+        ("weights",),
     ),
     Format(
         "gltf",
@@ -135,6 +137,7 @@ FORMATS = (
         (".npz", ".zip"),
         _starts(wrapped.ZIP_MAGIC),
         numpy_file.read_npz,
+        ("weights",),
         wraps=wrapped.zips_one_file,
     ),
     Format(
@@ -150,6 +153,7 @@ FORMATS = (
         (".xyz", ".txt", ".csv", ".pts", ".asc"),
         text.sniff,
         text.read,
+        ("weights",),
     ),
     Format(
         "kitti",

@@ -26,6 +26,8 @@ class DecodedCloud:
     """Sensor pose of a PCD file: tx, ty, tz, qw, qx, qy, qz."""
     attributes: dict[str, NDArray[np.generic]] = field(default_factory=dict)
     """(N,) columns beside the coordinates by their names in the file, only if asked for."""
+    weights: NDArray[np.generic] | None = None
+    """(N,) the attribute that was asked for as how much each point counts."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 from typing import IO, cast
@@ -21,8 +22,10 @@ from service.formats.errors import (
     CloudFileError,
     FileLimitError,
     MalformedFileError,
+    MissingAttributeError,
     TruncatedFileError,
     UnsupportedFileError,
+    missing_attribute,
 )
 from service.formats.names import find_normals, find_xyz
 
@@ -54,15 +57,21 @@ _ZIP_ERRORS = (
 _ALWAYS_EXPANDED = 1 << 20  # bytes; below this the ratio says nothing
 
 
-def read_npy(path: Path, limits: Limits) -> DecodedCloud:
-    """Read an (N, 3 or more) or (H, W, 3) array, or one with the fields x, y, z."""
+def read_npy(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud:
+    """Read an (N, 3 or more) or (H, W, 3) array, or one with the fields x, y, z.
+
+    The field called as `weights` says is kept as an attribute.
+    """
     with path.open("rb") as file:
-        return _cloud(_read_array(file, path.stat().st_size, "the array", limits), "npy")
+        array = _read_array(file, path.stat().st_size, "the array", limits)
+    cloud = _cloud(array, "npy")
+    return cloud if weights is None else _with(cloud, weights, _fields(array))
 
 
-def read_npz(path: Path, limits: Limits) -> DecodedCloud:
+def read_npz(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud:
     """Read an archive's array called points, xyz, ..., or its only one, and "normals" beside it.
 
+    The array, or field of the array of points, called as `weights` says is kept as an attribute.
     The zip directory is checked before anything is expanded.
     """
     with _explained("the zip archive", _ZIP_ERRORS), zipfile.ZipFile(path) as archive:
@@ -72,15 +81,43 @@ def read_npz(path: Path, limits: Limits) -> DecodedCloud:
             if info.filename.endswith(".npy")
         }
         name = _choose(arrays, len(archive.infolist()))
-        cloud = _cloud(_read_member(archive, arrays[name], limits), "npz")
+        array = _read_member(archive, arrays[name], limits)
+        cloud = _cloud(array, "npz")
         normals = cloud.normals
         if "normals" in arrays:
             normals = _cloud(_read_member(archive, arrays["normals"], limits), "npz").points
+        known = _fields(array) | dict.fromkeys(sorted(set(arrays) - {name, "normals"}))
+        if weights is not None and weights in arrays:
+            known[weights] = _read_member(archive, arrays[weights], limits)
     if normals is not None and len(normals) != len(cloud.points):
         raise MalformedFileError(f"{len(normals)} normals for {len(cloud.points)} points")
-    ignored = sorted(set(arrays) - {name, "normals"})
+    ignored = sorted(set(arrays) - {name, "normals", weights})
     warnings = (f"{len(ignored)} arrays beside {name!r} are ignored",) if ignored else ()
-    return DecodedCloud(cloud.points, "npz", cloud.warnings + warnings, normals)
+    cloud = DecodedCloud(cloud.points, "npz", cloud.warnings + warnings, normals)
+    return cloud if weights is None else _with(cloud, weights, known)
+
+
+def _fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | None]:
+    """Columns of a structured array beside the coordinates."""
+    names = array.dtype.names or ()
+    places = find_xyz(names) or ()
+    records = cast("NDArray[np.void]", array)
+    return {name: records[name] for i, name in enumerate(names) if i not in places}
+
+
+def _with(
+    cloud: DecodedCloud, name: str, known: dict[str, NDArray[np.generic] | None]
+) -> DecodedCloud:
+    """The cloud and this one of the known attributes."""
+    column = known.get(name)
+    if column is None:
+        raise missing_attribute(name, known)
+    if column.shape != (len(cloud.points),) or column.dtype.kind not in "biuf":
+        raise MissingAttributeError(
+            f"attribute {name[:40]!r} is of type {column.dtype} and shape {column.shape}, expected"
+            f" one number for each of {len(cloud.points)} points"
+        )
+    return replace(cloud, attributes={name: column.astype(np.float64)})
 
 
 def _choose(arrays: dict[str, zipfile.ZipInfo], members: int) -> str:

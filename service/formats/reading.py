@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from service.formats.catalogue import FORMATS, Choice, Format
@@ -11,10 +12,14 @@ from service.formats.errors import (
     TruncatedFileError,
     UnknownFormatError,
     UnsupportedFileError,
+    missing_attribute,
 )
 from service.formats.wrapped import unwrapped
 
 SNIFFED_BYTES = 4096
+PLACES: tuple[Choice, ...] = ("scan", "surface_samples")
+"""Choices that make no sense for a format without them."""
+Choices = dict[Choice, int | str | None]
 
 
 def sniff(head: bytes) -> str | None:
@@ -30,34 +35,44 @@ def read_points(
     format: str | None = None,
     scan: int | None = None,
     surface_samples: int | None = None,
+    weights: str | None = None,
     attributes: bool = False,
 ) -> DecodedCloud:
     """Decode a cloud file; the content decides the format, unless it is declared.
 
     ``scan`` picks one scan, counted from 0, of a file with several, which are merged otherwise.
     ``surface_samples`` takes that many points of a mesh's surface, spread evenly by area, instead
-    of its vertices. ``attributes`` keeps the other columns of PLY, PCD, LAS and LAZ.
+    of its vertices. ``attributes`` keeps the other columns of PLY, PCD, LAS and LAZ. ``weights``
+    names the attribute that says how much each point counts, in these formats, in text whose
+    columns have names, a field of an NPY, or an array or field of an NPZ.
 
     Raises
     ------
     CloudFileError
         The file cannot be read as a cloud; the message names the byte or line.
+    MissingAttributeError
+        It has no such weights; the message names the attributes that there are.
     """
     path = Path(path)
     if path.stat().st_size == 0:
         raise TruncatedFileError("the file is empty")
     found = _sniffed(path) if format is None else _named(format)
-    choices: dict[Choice, int | None] = {
+    choices: Choices = {
         "scan": scan,
         "surface_samples": surface_samples,
-        "attributes": attributes,
+        "attributes": attributes or weights is not None,
+        "weights": weights,
     }
-    return _read(found, path, limits or Limits(), choices)
+    cloud = _read(found, path, limits or Limits(), choices)
+    if weights is None:
+        return cloud
+    if weights not in cloud.attributes:
+        raise missing_attribute(weights, cloud.attributes)
+    kept = cloud.attributes if attributes else {}
+    return replace(cloud, weights=cloud.attributes[weights], attributes=kept)
 
 
-def _read(
-    found: Format, path: Path, limits: Limits, choices: dict[Choice, int | None]
-) -> DecodedCloud:
+def _read(found: Format, path: Path, limits: Limits, choices: Choices) -> DecodedCloud:
     if found.read is None or found.wraps(path):
         with unwrapped(path, limits) as inner:
             if inner.stat().st_size == 0:
@@ -67,7 +82,7 @@ def _read(
                 raise UnsupportedFileError("an archive within an archive")
             return _read(inside, inner, limits, choices)
     for name, value in choices.items():
-        if name != "attributes" and value is not None and name not in found.choices:
+        if name in PLACES and value is not None and name not in found.choices:
             raise MalformedFileError(f"{name} is chosen, but the file is of format {found.name}")
     return found.read(path, limits, **{name: choices[name] for name in found.choices})
 

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from service.formats.cloud import DecodedCloud, Limits
-from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
+from service.formats.errors import (
+    MalformedFileError,
+    TruncatedFileError,
+    UnsupportedFileError,
+    missing_attribute,
+)
 from service.formats.names import find_normals, find_xyz
 from service.formats.table import Dialect, ends_with_newline, head_lines, read_columns
 
@@ -24,6 +32,7 @@ class _Layout:
     delimiter: str | None
     xyz: tuple[int, ...] = (0, 1, 2)
     normals: tuple[int, ...] | None = None
+    others: dict[str, int] = field(default_factory=dict)  # named columns that begin with a number
     count: int | None = None  # announced in a line of its own
     decimal_comma: bool = False
     warnings: tuple[str, ...] = ()
@@ -40,8 +49,10 @@ def sniff(head: bytes) -> bool:
         return True  # named columns, but not the right ones: the reader says so
 
 
-def read(path: Path, limits: Limits) -> DecodedCloud:
+def read(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud:
     """Read the columns x, y, z (by name, else the first three), and the normals if they are named.
+
+    The column called as `weights` says is kept as an attribute.
 
     Raises
     ------
@@ -59,7 +70,10 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     offset = sum(len(line) + 1 for line in lines[: layout.first_row])
     if layout.first_row == 0 and lines[0].startswith(_BYTE_ORDER_MARK):
         offset = len(_BYTE_ORDER_MARK)
+    if weights is not None and weights not in layout.others:
+        raise missing_attribute(weights, layout.others)
     columns = layout.xyz + (layout.normals or ())
+    columns += () if weights is None else (layout.others[weights],)
     dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma)
     table = read_columns(path, offset, layout.first_row + 1, columns, limits, dialect=dialect)
     if layout.count is not None and len(table) < layout.count:
@@ -68,7 +82,8 @@ def read(path: Path, limits: Limits) -> DecodedCloud:
     if not ends_with_newline(path):
         warnings.append("the last line is not ended: its last number may have been cut")
     normals = table[:, 3:6] if layout.normals else None
-    return DecodedCloud(table[:, :3], "xyz", tuple(warnings), normals)
+    kept: dict[str, NDArray[np.generic]] = {} if weights is None else {weights: table[:, -1]}
+    return DecodedCloud(table[:, :3], "xyz", tuple(warnings), normals, attributes=kept)
 
 
 def _any_layout(lines: Sequence[str]) -> _Layout | None:
@@ -122,7 +137,13 @@ def _named(header: str, line: str, index: int) -> _Layout | None:
         names, fields = _split(header, delimiter), _split(line, delimiter)
         xyz = find_xyz(names)
         if xyz and len(names) == len(fields) and all(_NUMBER.fullmatch(fields[i]) for i in xyz):
-            return _Layout(index, delimiter, xyz, find_normals(names))
+            bare = [name.strip().strip("\"'") for name in names]
+            others = {
+                name: place
+                for place, name in enumerate(bare)
+                if place not in xyz and bare.count(name) == 1 and _NUMBER.fullmatch(fields[place])
+            }
+            return _Layout(index, delimiter, xyz, find_normals(names), others)
     return None
 
 

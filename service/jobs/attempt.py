@@ -143,7 +143,14 @@ def _registered(
         report(stage, READING_SHARE + (1 - READING_SHARE) * fraction)
 
     options = RegistrationOptions(**task.options)
-    return register(source.points, target.points, options, on_progress=on_progress)
+    return register(
+        source.points,
+        target.points,
+        options,
+        source_weights=source.weights,
+        target_weights=target.weights,
+        on_progress=on_progress,
+    )
 
 
 def _decoded(role: str, cloud: CloudInput, task: Task, blobs: BlobStore) -> DecodedCloud:
