@@ -15,20 +15,28 @@ from mpe_core.field import NearestField, nearest_field
 from mpe_core.global_search import QUICK, WIDE, Candidates, Effort, distinct, find_poses
 from mpe_core.knowledge import Knowledge
 from mpe_core.options import RegistrationOptions
-from mpe_core.polish import Polished, TargetPlanes, point_to_plane
+from mpe_core.polish import (
+    SMOOTHED,
+    Polished,
+    TargetPlanes,
+    nearest_planes,
+    point_to_plane,
+    spread,
+)
 from mpe_core.potential_polish import EPS, descend_potential
 from mpe_core.progress import Progress
 from mpe_core.rigid import apply, inverse
-from mpe_core.scan import Scan
+from mpe_core.scan import Sample, Scan
 from mpe_core.surface import Surface
 
 Pose = NDArray[np.float64]
 
 NOISY, NOISY_SPARSE = 0.013, 0.0095
-"""Roughness from which on noise hides the planes and the full-sum potential takes over, for dense
-and for sparse clouds (at most POTENTIAL_POINTS). Roughness of the shared clouds: at most 0.013; of
-the bunny of 1,889 points with noise 0.01 0.010, 0.02 0.017. With 0.0095 for all, facades end 0.2
-degrees off instead of 0.05; with 0.013 for all, the bunny with noise 0.01 0.17 instead of 0.07."""
+"""Roughness from which on noise hides the planes, for dense and for sparse clouds (at most
+POTENTIAL_POINTS): dense ones get wider planes, and for sparse ones the full-sum potential takes
+over. Roughness of the shared clouds: at most 0.013; of the bunny of 1,889 points with noise 0.01
+0.010, 0.02 0.017. With 0.0095 for all, facades end 0.2 degrees off instead of 0.05; with 0.013 for
+all, the bunny with noise 0.01 0.17 instead of 0.07."""
 
 LEAST_NOISE = 0.01
 QUARTER_OF_NORMAL = 0.3186
@@ -65,13 +73,16 @@ class Alignment:
         self._knowledge = knowledge
         rough = max(source.surface.roughness, target.surface.roughness)
         sparse = min(len(source.fine), len(target.fine)) <= POTENTIAL_POINTS
-        self.noisy = rough > (NOISY_SPARSE if sparse else NOISY)
+        noisy = rough > (NOISY_SPARSE if sparse else NOISY)
+        self._full_sum = noisy and sparse
         # a noisy cloud has no planes worth the name: the smoother one is the reference then
-        self._flipped = self.noisy and source.surface.roughness < target.surface.roughness
+        self._flipped = noisy and source.surface.roughness < target.surface.roughness
         fixed, moving = (source, target) if self._flipped else (target, source)
         self._motions = (knowledge.inverse() if self._flipped else knowledge).motions()
-        self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing, fixed.viewpoint)
-        self._sample = moving.sample(options.seed)
+        noise = rough if noisy and not sparse else 0.0
+        self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing, noise, fixed.viewpoint)
+        self._moving, self._sample = moving, moving.sample(options.seed)
+        self._smooth_sample: Sample | None = None
         self._sharp = sharp_distance(max(source.surface.spacing, target.surface.spacing), rough)
         self._field: NearestField | None = None
 
@@ -93,14 +104,34 @@ class Alignment:
     def polish(self, T: Pose) -> Aligned:
         """The minimum next to a coarse pose."""
         T = self._knowledge.level(T)
-        if self.noisy:
-            polished = self._polish_noisy(T)
-        else:
-            most = self._options.max_iterations
-            polished = point_to_plane(self._sample, self._planes, T, self._motions, most)
+        polished = self._polish_full_sum(T) if self._full_sum else self._polish_planes(T)
         return Aligned(polished, self.judge(polished.T))
 
-    def _polish_noisy(self, T: Pose) -> Polished:
+    def _polish_planes(self, T: Pose) -> Polished:
+        planes, most = self._planes, self._options.max_iterations
+        found = point_to_plane(self._sample, planes, self._oriented(T), self._motions, most)
+        if self._smoothing_helps(found.T):
+            found = point_to_plane(
+                self._smoothed(), planes, found.T, self._motions, most, smooth=True
+            )
+        return Polished(self._oriented(found.T), found.converged, found.iterations)
+
+    def _smoothing_helps(self, T: Pose) -> bool:
+        """Whether the smoothed clouds lie closer to each other, at a pose of the sample."""
+        planes = self._planes
+        sharp = nearest_planes(self._sample, planes, T)
+        smooth = nearest_planes(self._smoothed(), planes, T, smooth=True)
+        return spread(smooth, planes.cut) < SMOOTHED * spread(sharp, planes.cut)
+
+    def _smoothed(self) -> Sample:
+        """The sample laid on the planes through its own neighbours."""
+        if self._smooth_sample is None:
+            points, normals = self._sample.points, self._sample.normals
+            own = CellList(self._moving.fine, float(self._planes.cells.reach)).planes(points)
+            self._smooth_sample = Sample(own.feet(points), normals)
+        return self._smooth_sample
+
+    def _polish_full_sum(self, T: Pose) -> Polished:
         x, y = self.source.surface, self.target.surface
         most = self._options.max_iterations
         polished = Polished(T, False, 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,6 +46,27 @@ def thin_weighted(
     return means, (total / counts).astype(np.float32)
 
 
+@dataclass(frozen=True, slots=True)
+class LocalPlanes:
+    """Planes around queries; fewer than 5 points give a zero normal and an offset of 0."""
+
+    normals: Points
+    """(N, 3) unit normals of either sign."""
+    variation: Points
+    """(N,) smallest eigenvalue of the points' covariance over its trace."""
+    thickness: Points
+    """(N,) standard deviation of the points from the plane."""
+    counts: NDArray[np.int32]
+    """(N,) how many points lie around."""
+    offsets: Points
+    """(N,) distance of the plane from the query along the normal."""
+
+    def feet(self, queries: Points) -> Points:
+        """(N, 3) the queries laid on their planes."""
+        laid: Points = queries + self.offsets[:, None] * self.normals
+        return laid
+
+
 class CellList:
     """A fixed cloud (M, 3) in cubes of edge `reach`, asked for what lies within reach of any
     point."""
@@ -64,12 +87,16 @@ class CellList:
         )
         return row, squared
 
-    def planes(self, queries: Points) -> tuple[Points, Points, Points, NDArray[np.int32]]:
-        """Plane through the points within reach of each query (N, 3): unit normals (N, 3) of either
-        sign, the smallest eigenvalue of their covariance over its trace (N,), their standard
-        deviation from the plane (N,) and their count (N,). Fewer than 5 points give a zero
-        normal."""
-        normals, variation, thickness, counts = local_planes(
-            queries, self.points, self._starts, self._keys, self._slots, self._origin, self.reach
+    def planes(self, queries: Points) -> LocalPlanes:
+        """Plane through the points within reach of each query (N, 3)."""
+        return LocalPlanes(
+            *local_planes(
+                queries,
+                self.points,
+                self._starts,
+                self._keys,
+                self._slots,
+                self._origin,
+                self.reach,
+            )
         )
-        return normals, variation, thickness, counts

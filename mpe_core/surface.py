@@ -61,7 +61,8 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
     points = CellList(sample, radius).points
     while True:
         support = points if radius < SUPPORT * voxel else thin(points, radius / SUPPORT)
-        normals, variation, thickness, count = CellList(support, radius).planes(points)
+        planes = CellList(support, radius).planes(points)
+        variation, thickness, count = planes.variation, planes.thickness, planes.counts
         usable = count >= ENOUGH_NEIGHBOURS // 2
         flat = float(np.median(variation[usable])) if usable.any() else 1.0
         neighbours = float(np.median(count))
@@ -74,7 +75,7 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
         radius *= GROWTH
     return Surface(
         points=points,
-        normals=normals,
+        normals=planes.normals,
         weights=_weights(variation, count),
         roughness=rough,
         spacing=spacing,

@@ -59,7 +59,7 @@ def smallest_axis(m):
 
 
 @njit(
-    "Tuple((float32[:, ::1], float32[::1], float32[::1], int32[::1]))"
+    "Tuple((float32[:, ::1], float32[::1], float32[::1], int32[::1], float32[::1]))"
     "(float32[:, ::1], float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1], float32)",
     cache=True,
     parallel=True,
@@ -67,12 +67,13 @@ def smallest_axis(m):
 def local_planes(queries, points, starts, keys, slots, origin, radius):
     """Plane through the points within `radius` (the cell size) of each query: (unit normals,
     surface variation = smallest eigenvalue / sum, standard deviation from the plane, number of
-    points)."""
+    points, distance of the plane from the query along the normal)."""
     n = queries.shape[0]
     normals = np.zeros((n, 3), np.float32)
     variation = np.ones(n, np.float32)
     thickness = np.full(n, radius)
     counts = np.zeros(n, np.int32)
+    offsets = np.zeros(n, np.float32)
     mask = keys.shape[0] - 1
     limit = radius * radius
     for i in prange(n):
@@ -128,4 +129,5 @@ def local_planes(queries, points, starts, keys, slots, origin, radius):
             low = max(values[0], np.float32(0.0))
             variation[i] = low / max(low + values[1] + values[2], np.float32(1e-30))
             thickness[i] = np.sqrt(low)
-    return normals, variation, thickness, counts
+            offsets[i] = (sx * axis[0] + sy * axis[1] + sz * axis[2]) * inverse
+    return normals, variation, thickness, counts, offsets
