@@ -29,13 +29,17 @@ from service.keys import DEFAULT_TENANT
 from service.metrics import Metrics
 from service.running import running_service
 from service.settings import Settings
+from tests.e2e.processes import workers
+from tests.e2e.slow import SLOW, slow_pair
 from tests.server import Server, running_server
+from tests.waiting import until
 
 CLIENTS = 64
 LOAD_S = 60
 RAMP_S = 6
 JOBS_WITHOUT_HTTP = 120
 DISPATCHES = 50
+CANCELS = 20
 BOUNDARY = "load"
 PATH = "/v1/registrations"
 
@@ -48,12 +52,13 @@ def run() -> Result:
         tempfile.TemporaryDirectory() as directory,
         running_server(Path(directory)) as server,
     ):
-        dispatch_ms = _dispatch(server)
+        dispatch_ms, cancel_ms = _dispatch(server), _cancel(server)
         load = Load(server, source, target)
         load.run()
         return {
             "bytes": len(source) + len(target),
             "dispatch_ms": dispatch_ms,
+            "cancel_ms": cancel_ms,
             "jobs_per_s_without_http": bare,
             **load.figures(),
         }
@@ -173,7 +178,9 @@ def table(result: Result) -> str:
         f"Memory of the service process at most {memory['first third']:.0f} MiB in the first "
         f"third, {memory['last third']:.0f} MiB in the last. "
         f"From accepted to a running child on the idle service: median "
-        f"{result['dispatch_ms']['median']:.1f} ms."
+        f"{result['dispatch_ms']['median']:.1f} ms; from a cancel to the end of a child that is in "
+        f"native code: median {result['cancel_ms']['median']:.1f} ms, "
+        f"p99 {result['cancel_ms']['p99']:.1f} ms."
     )
 
 
@@ -221,6 +228,20 @@ def _dispatch(server: Server) -> dict[str, Any]:
         events = [json.loads(line[6:]) for line in text.splitlines() if line.startswith("data: ")]
         began = next(event for event in events if event["stage"] == "decode")
         times.append(_seconds(began["at"]) - _seconds(events[0]["at"]))
+    return {name: 1000 * value for name, value in _spread(times).items() if name != "count"}
+
+
+def _cancel(server: Server) -> dict[str, Any]:
+    """From the cancel of a job in native code to the end of its process, in milliseconds."""
+    clouds = slow_pair()
+    times = []
+    for _ in range(CANCELS):
+        job = server.submit(*clouds, options=SLOW).json()
+        (worker,) = until(lambda: [w for w in workers(server) if sum(w.cpu_times()[:2]) > 0.5])
+        started = time.perf_counter()
+        server.client.delete(f"{PATH}/{job['id']}")
+        worker.wait()
+        times.append(time.perf_counter() - started)
     return {name: 1000 * value for name, value in _spread(times).items() if name != "count"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from types import FrameType
 
@@ -16,6 +17,11 @@ from service.settings import Settings
 
 CONNECTIONS_GRACE_S = 3
 """Seconds that open connections (event streams, waits) have left once the jobs are handed back."""
+
+SWITCH_INTERVAL_S = 0.0005
+"""After each system call, the event loop waits this long for a thread that computes. With Python's
+5 ms, 64 clients, on a machine that had other work: median of a look 178 ms, of a list 116 ms, of a
+submission 564 ms; with this 40, 37 and 142 ms."""
 
 
 class DrainingServer(uvicorn.Server):
@@ -49,6 +55,7 @@ def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
     settings = Settings()
     check_binding(host, settings)
     configure_logs(settings.log_level)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     app = create_app(settings)
     config = uvicorn.Config(
         app,
