@@ -23,7 +23,7 @@ LINE = np.outer(np.arange(50.0), (1, 2, 3))
 @pytest.fixture(autouse=True)
 def _alive(server: Server) -> Iterator[None]:
     yield
-    job = server.submit(GOOD, GOOD, wait=30)
+    job = server.submit(GOOD, GOOD, wait=60)
     assert job.json()["status"] == "succeeded"
 
 
@@ -52,7 +52,7 @@ def problem(response: httpx.Response, status: int, kind: str) -> dict[str, Any]:
 def test_input_that_only_decoding_can_judge(
     server: Server, file: bytes, kind: str, word: str
 ) -> None:
-    waited = server.submit(file, GOOD, wait=30)
+    waited = server.submit(file, GOOD, wait=60)
     body = problem(waited, 422, kind)
     assert word in body["detail"]
     url = waited.headers["Location"]
@@ -172,4 +172,4 @@ def test_body_over_the_limit(tmp_path_factory: pytest.TempPathFactory) -> None:
         problem(response, 413, "body-too-large")
         stored = [path for path in server.data_dir.rglob("*") if path.is_file()]
         assert {path.name.partition(".")[0] for path in stored} == {"jobs", "lock"}
-        assert server.submit(GOOD, GOOD, wait=30).json()["status"] == "succeeded"
+        assert server.submit(GOOD, GOOD, wait=60).json()["status"] == "succeeded"

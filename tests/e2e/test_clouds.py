@@ -55,7 +55,7 @@ def test_many_scans_against_one_reference(server: Server) -> None:
             "/v1/registrations",
             files={"source": scan},
             data={"target": json.dumps({"cloud": cloud["id"]})},
-            headers={"Prefer": "wait=30"},
+            headers={"Prefer": "wait=60"},
         )
         job = registered(response)
         assert job["target"]["cloud"] == cloud["id"]
@@ -72,7 +72,7 @@ def test_a_reference_is_decoded_once(server: Server) -> None:
     for seed in range(4):
         request = {"source": reference, "target": reference, "options": {"seed": seed}}
         response = server.client.post(
-            "/v1/registrations", json=request, headers={"Prefer": "wait=50"}
+            "/v1/registrations", json=request, headers={"Prefer": "wait=60"}
         )
         decode_s.append(registered(response)["timing"]["decode_s"])
     first, again = decode_s[0], min(decode_s[1:])
@@ -233,7 +233,7 @@ def test_a_format_that_the_content_does_not_tell_is_declared(server: Server) -> 
             "/v1/registrations",
             files={"source": FILE},
             data={"target": json.dumps({"cloud": name})},
-            headers={"Prefer": "wait=30"},
+            headers={"Prefer": "wait=60"},
         )
         job = registered(response)
         assert job["target"]["reading"] == {"format": "kitti"}

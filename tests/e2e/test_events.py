@@ -47,7 +47,7 @@ def test_every_stage_is_told_in_order(server: Server) -> None:
 
 
 def test_a_stream_resumes_after_the_last_event(server: Server) -> None:
-    job = server.submit(CLOUD, CLOUD, options='{"seed": 22}', wait=30).json()
+    job = server.submit(CLOUD, CLOUD, options='{"seed": 22}', wait=60).json()
     events = list(follow(server.client, job["id"]))
     assert list(follow(server.client, job["id"], last=3)) == events[3:]
     assert list(follow(server.client, job["id"], last=len(events))) == []

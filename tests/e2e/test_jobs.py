@@ -20,7 +20,7 @@ CLOUD = as_npy(arms(1))
 
 
 def register(server: Server, **fields: Any) -> dict[str, Any]:
-    response = server.submit(CLOUD, CLOUD, wait=30, **fields)
+    response = server.submit(CLOUD, CLOUD, wait=60, **fields)
     assert response.status_code == 200, response.text
     return dict(response.json())
 
@@ -130,7 +130,6 @@ def test_results_and_files_are_dropped_in_time(tmp_path: Path) -> None:
     soon = {"result_retention_s": 3, "blob_grace_s": 2, "upkeep_interval_s": 0.2}
     with running_server(tmp_path, **soon) as server:
         job = register(server)
-        assert job["result"] is not None
         url = f"/v1/registrations/{job['id']}"
         expired = until(lambda: _with_status(server.client, f"{url}/inliers", 410))
         assert expired["type"] == "urn:mpe:problem:expired"

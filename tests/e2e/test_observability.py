@@ -31,8 +31,8 @@ def samples(server: Server) -> dict[tuple[str, frozenset[tuple[str, str]]], floa
 
 
 def test_metrics_follow_what_happens(server: Server) -> None:
-    server.submit(CLOUD, CLOUD, wait=30, options='{"seed": 1}')
-    server.submit(as_npy(arms(1, 1)), CLOUD, wait=30)
+    server.submit(CLOUD, CLOUD, wait=60, options='{"seed": 1}')
+    server.submit(as_npy(arms(1, 1)), CLOUD, wait=60)
     server.submit(b"", CLOUD)
     posts = {"method": "POST", "route": "/v1/registrations"}
     for count, name, labels in (
@@ -57,7 +57,7 @@ def test_metrics_follow_what_happens(server: Server) -> None:
 
 def test_every_log_line_is_json_and_says_what_it_belongs_to(server: Server) -> None:
     headers = {"X-Request-ID": "order-66"}
-    response = server.submit(CLOUD, CLOUD, wait=30, headers=headers, options='{"seed": 2}')
+    response = server.submit(CLOUD, CLOUD, wait=60, headers=headers, options='{"seed": 2}')
     assert response.headers["X-Request-ID"] == "order-66"
     job_id = response.json()["id"]
 
@@ -114,7 +114,7 @@ def collector() -> Iterator[Collector]:
 def test_spans_of_a_registration_are_exported(tmp_path: Path, collector: Collector) -> None:
     stages = {"queue", "fetch", "decode", "prepare", "search", "refine", "inliers", "store"}
     with running_server(tmp_path, otlp_endpoint=collector.url) as server:
-        job = server.submit(CLOUD, CLOUD, wait=30).json()
+        job = server.submit(CLOUD, CLOUD, wait=60).json()
         until(lambda: len(collector.spans) > len(stages))
     spans = {span.name: span for span in collector.spans}
     assert set(spans) == {"registration", *stages}

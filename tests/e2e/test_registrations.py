@@ -44,9 +44,9 @@ def test_result_says_the_same_pose_in_every_form(server: Server) -> None:
     target = arms(4)
     truth = motion(np.random.default_rng(4), target, 20, 0.5)
     source = moved(np.linalg.inv(truth), target)
-    response = server.submit(as_npy(source), as_npy(target), wait=30)
+    response = server.submit(as_npy(source), as_npy(target), wait=60)
     assert response.status_code == 200
-    assert response.headers["Preference-Applied"] == "wait=30"
+    assert response.headers["Preference-Applied"] == "wait=60"
     result = response.json()["result"]
     transform = np.array(result["transform"])
     degrees, shift = pose_error(transform, truth, source)
@@ -61,7 +61,7 @@ def test_result_says_the_same_pose_in_every_form(server: Server) -> None:
 
 def test_inliers_in_both_forms(server: Server) -> None:
     cloud = arms(5)
-    job = server.submit(as_npy(cloud), as_npy(cloud), wait=30).json()
+    job = server.submit(as_npy(cloud), as_npy(cloud), wait=60).json()
     summary = job["result"]["inliers"]
     url = f"/v1/registrations/{job['id']}/inliers"
     listed = server.client.get(url).json()
@@ -106,7 +106,7 @@ def test_delete_cancels_then_removes(server: Server) -> None:
 
 def test_list_pages_newest_first(server: Server) -> None:
     cloud = as_npy(arms(6))
-    created = [server.submit(cloud, cloud, wait=30).json()["id"] for _ in range(5)]
+    created = [server.submit(cloud, cloud, wait=60).json()["id"] for _ in range(5)]
     listed, cursor = [], None
     while len(listed) < len(created):
         parameters = {"limit": 2} | ({"cursor": cursor} if cursor else {})

@@ -92,7 +92,7 @@ def test_a_wait_at_the_stop_is_answered(tmp_path: Path) -> None:
 def _wait_at_the_stop(server: Server) -> None:
     job = server.submit(*slow_pair(), options=SLOW).json()
     waited: list[httpx.Response] = []
-    url, patience = f"/v1/registrations/{job['id']}", {"Prefer": "wait=50"}
+    url, patience = f"/v1/registrations/{job['id']}", {"Prefer": "wait=60"}
     waiter = threading.Thread(
         target=lambda: waited.append(server.client.get(url, headers=patience))
     )

@@ -46,7 +46,7 @@ def calling_server(directory: Path) -> Any:
 
 
 def submit(server: Server, url: str, **fields: str) -> dict[str, Any]:
-    response = server.submit(CLOUD, CLOUD, wait=30, callback_url=url, **fields)
+    response = server.submit(CLOUD, CLOUD, wait=60, callback_url=url, **fields)
     assert response.status_code == 200, response.text
     return dict(response.json())
 
@@ -98,7 +98,7 @@ def test_a_call_can_be_replayed(server: Server, receiver: Receiver) -> None:
 
 def test_a_failed_registration_is_told_too(server: Server, receiver: Receiver) -> None:
     two_points = as_npy(arms(1, 2))
-    server.submit(two_points, CLOUD, wait=30, callback_url=receiver.url)
+    server.submit(two_points, CLOUD, wait=60, callback_url=receiver.url)
     receiver.wait_for(1)
     event = json.loads(receiver.received[0][1])
     assert event["type"] == "registration.failed"
@@ -148,6 +148,6 @@ def test_other_hosts_are_not_called(server: Server) -> None:
 
 
 def test_nothing_to_replay_without_a_callback(server: Server) -> None:
-    job = server.submit(CLOUD, CLOUD, wait=30).json()
+    job = server.submit(CLOUD, CLOUD, wait=60).json()
     assert deliveries(server, job) == []
     assert server.client.post(f"/v1/registrations/{job['id']}/deliveries").status_code == 409
