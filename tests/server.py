@@ -122,6 +122,15 @@ def finished(client: httpx.Client, job_id: str) -> dict[str, Any]:
     return job
 
 
+def registered(client: httpx.Client, source: bytes, target: bytes, **kwargs: Any) -> dict[str, Any]:
+    """The job of two files, as `submit` takes them, once it has succeeded."""
+    response = submit(client, source, target, **kwargs)
+    assert response.is_success, response.text
+    job = finished(client, response.json()["id"])
+    assert job["status"] == "succeeded", job
+    return job
+
+
 @contextmanager
 def running_server(directory: Path, **settings: object) -> Iterator[Server]:
     """A server that is ready; settings by their names without MPE_, in lower case."""

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from tests.e2e.scans import arms, as_npy
-from tests.server import CALL_S, PROJECT, Server, running_server
+from tests.server import CALL_S, PROJECT, Server, registered, running_server
 
 CLOUD = as_npy(arms(1))
 PAGE = "https://lab.example.org"
@@ -37,7 +37,7 @@ def protected(response: httpx.Response) -> None:
 
 
 def test_every_answer_is_protected(server: Server) -> None:
-    job = server.submit(CLOUD, CLOUD, wait=60).json()
+    job = registered(server.client, CLOUD, CLOUD)
     place = f"/v1/registrations/{job['id']}"
     for path in (
         *(place, f"{place}/inliers", f"{place}/inliers?format=npy", f"{place}/aligned"),
@@ -54,7 +54,7 @@ def test_every_answer_is_protected(server: Server) -> None:
 
 
 def test_an_unexpected_error_is_protected_too(server: Server) -> None:
-    job = server.submit(CLOUD, CLOUD, wait=60, options='{"seed": 5}').json()
+    job = registered(server.client, CLOUD, CLOUD, options='{"seed": 5}')
     shutil.rmtree(server.data_dir / "blobs")
     # a connection of its own: the server closes it afterwards
     broken = httpx.get(
@@ -74,7 +74,7 @@ def test_transport_security_where_there_is_any(server: Server) -> None:
 
 
 def test_downloads_have_a_plain_name(server: Server) -> None:
-    job = server.submit(CLOUD, CLOUD, wait=60, options='{"seed": 6}').json()
+    job = registered(server.client, CLOUD, CLOUD, options='{"seed": 6}')
     for path, name in (
         ("inliers?format=npy", "inliers.npy"),
         ("aligned?format=laz", "aligned.laz"),

@@ -43,7 +43,7 @@ def listed(data_dir: Path) -> list[list[str]]:
 
 def test_the_first_key_closes_an_open_server(tmp_path: Path) -> None:
     with running_server(tmp_path) as server:
-        mine = server.submit(CLOUD, CLOUD, wait=60).json()
+        mine = server.submit(CLOUD, CLOUD).json()
         created = mpe(server.data_dir, "keys", "create", "--tenant", "lab", "--name", "laptop")
         assert created.returncode == 0, created.stderr
         key = created.stdout.strip()

@@ -11,7 +11,7 @@ import pytest
 
 from tests.e2e.scans import arms, as_npy
 from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, running_server, submit
+from tests.server import Server, registered, running_server, submit
 from tests.tenants import caller, new_key
 from tests.waiting import until
 
@@ -100,7 +100,7 @@ def test_what_is_stored_is_counted_once_and_given_back(server: Server) -> None:
         until(lambda: stored(tidy) == len(CLOUD))
         twin.put("/v1/clouds/a", content=CLOUD).raise_for_status()
         until(lambda: stored(twin) == len(CLOUD))  # that it is there already is nobody's business
-        job = submit(tidy, CLOUD, other, wait=60).json()
+        job = registered(tidy, CLOUD, other)
         pairs = tidy.get(f"/v1/registrations/{job['id']}/inliers?format=npy").content
         until(lambda: stored(tidy) > len(CLOUD) + len(other) + len(pairs))
         tidy.delete(f"/v1/registrations/{job['id']}")

@@ -16,7 +16,7 @@ from service.jobs.database import open_database
 from service.settings import Settings
 from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import arms, as_npy
-from tests.server import Server, running_server
+from tests.server import Server, finished, running_server
 from tests.tenants import caller, new_key
 from tests.waiting import until
 
@@ -107,7 +107,7 @@ def told(server: Server, files: str, receiver: Receiver) -> Iterator[Told]:
         good = f"http://{files}/cloud.npy?sig={SIGNATURE}#{SIGNATURE}"
         callback = f"{receiver.url}?token={TOKEN}"
         done = told.register(good, callback)
-        assert done.json()["status"] == "succeeded", done.text
+        assert finished(told.client, done.json()["id"])["status"] == "succeeded"
         told.register(f"http://{files}/moved?sig={SIGNATURE}")
         told.register(f"http://{files}/missing?sig={SIGNATURE}")
         told.register(f"http://lab:{PASSWORD}@{files}/cloud.npy?sig={SIGNATURE}")
@@ -133,6 +133,8 @@ def told(server: Server, files: str, receiver: Receiver) -> Iterator[Told]:
         told.client.post(f"{place}/deliveries")
         for path in ("/v1/registrations?limit=200", "/v1/capacity", "/metrics", "/openapi.json"):
             told.client.get(path)
+        for job in told.client.get("/v1/registrations?limit=200").json()["items"]:
+            finished(told.client, job["id"])
         yield told
 
 

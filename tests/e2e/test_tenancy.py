@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from tests.e2e.scans import arms, as_npy
-from tests.server import CALL_S, PROJECT, Server, finished, running_server, submit
+from tests.server import CALL_S, PROJECT, Server, registered, running_server, submit
 from tests.tenants import caller, new_key, revoke
 
 API = yaml.safe_load((PROJECT / "openapi.yaml").read_text())
@@ -75,8 +75,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
         caller(server, new_key(server, "alice")) as alice,
         caller(server, new_key(server, "bob")) as bob,
     ):
-        job = submit(alice, CLOUD, CLOUD, wait=60, headers={"Idempotency-Key": "once"}).json()
-        assert job["status"] == "succeeded"
+        job = registered(alice, CLOUD, CLOUD, headers={"Idempotency-Key": "once"})
         alice.put("/v1/clouds/door", content=CLOUD).raise_for_status()
         upload = call(alice, Route("post", "/v1/uploads"), {})
         things = {
@@ -156,9 +155,9 @@ def test_somebody_elses_cloud_cannot_be_referred_to(world: World) -> None:
 
 def test_the_same_work_is_known_to_its_tenant_alone(world: World) -> None:
     pair = (as_npy(arms(5)), as_npy(arms(5)))
-    first = submit(world.alice, *pair, wait=60).json()
-    again = submit(world.alice, *pair, wait=60).json()
-    foreign = submit(world.bob, *pair, wait=60).json()
+    first = registered(world.alice, *pair)
+    again = registered(world.alice, *pair)
+    foreign = registered(world.bob, *pair)
     assert [job["cached"] for job in (first, again, foreign)] == [False, True, False]
     assert foreign["result"] == first["result"]
 
@@ -174,10 +173,7 @@ def test_the_same_idempotency_key_is_another_request(world: World) -> None:
 
 def test_a_cursor_of_somebody_else_leads_nowhere_else(world: World) -> None:
     for seed in range(2):
-        finished(
-            world.alice,
-            submit(world.alice, CLOUD, CLOUD, options=f'{{"seed": {seed}}}').json()["id"],
-        )
+        registered(world.alice, CLOUD, CLOUD, options=f'{{"seed": {seed}}}')
     cursor = world.alice.get("/v1/registrations?limit=1").json()["next_cursor"]
     mine = {job["id"] for job in world.bob.get("/v1/registrations?limit=200").json()["items"]}
     page = world.bob.get("/v1/registrations", params={"limit": 200, "cursor": cursor}).json()
