@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from benchmarks.experiment import timed
@@ -94,6 +95,7 @@ def _median(found: np.ndarray) -> object:
 
 def curves(axes: Axes, rows: list[Row], key: str, value: str) -> None:
     """Median of each method over the key."""
+    axes.set_prop_cycle(color=colormaps["tab20"].colors)  # there may be more than ten methods
     for name in dict.fromkeys(row["method"] for row in rows):
         keys = list(dict.fromkeys(row[key] for row in rows if row["method"] == name))
         heights = [np.median(values(rows, value, method=name, **{key: at})) for at in keys]

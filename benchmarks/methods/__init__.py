@@ -23,9 +23,6 @@ were found."""
 AS_DOCUMENTED = [KISS_EXAMPLE, FPFH_RANSAC_TUTORIAL, FGR_TUTORIAL]
 """The same with the settings of their own documentation."""
 
-FEATURES = [SAC_IA, ROPS, ROPS_GICP]
-"""Other methods that need no start."""
-
 LOCAL = [
     ICP,
     TRIMMED_ICP,
@@ -44,7 +41,6 @@ __all__ = [
     "AS_DOCUMENTED",
     "CPD",
     "EM_ICP",
-    "FEATURES",
     "FGR",
     "FILTERREG",
     "FPFH_RANSAC",

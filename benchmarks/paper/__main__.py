@@ -11,7 +11,17 @@ from benchmarks.paper.streets import STREETS
 from benchmarks.paper.times import TIMES
 from benchmarks.paper.uwa import UWA
 
-EXPERIMENTS = [BUNNY, NOISE, OUTLIERS, SIZE, SAMPLING, TIMES, UWA, BLADE, STREETS]
+EXPERIMENTS = [
+    BUNNY,
+    TIMES,
+    SAMPLING,
+    STREETS,
+    BLADE,
+    SIZE,
+    OUTLIERS,
+    UWA,
+    NOISE,
+]  # short ones first
 
 if __name__ == "__main__":
     main(EXPERIMENTS, "python -m benchmarks.paper")

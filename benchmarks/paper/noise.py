@@ -136,7 +136,7 @@ def draw(result: Result, figure: Figure) -> None:
         curves(axes, [r for r in result["rows"] if r["start"] == start], "sigma", "degrees")
         axes.set(xlabel="sigma of the noise, radius 1", title=title)
         axes.set_yscale("symlog", linthresh=0.1)
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=6)
     figure.axes[0].set_ylabel("degrees, median")
 
 

@@ -37,7 +37,7 @@ def table(result: Result) -> str:
         "stops at 7,500 points, as in the paper, CPD at 2,500: it takes minutes then.\n"
         f"{settings_text(result['methods'])}.\n\n"
         + markdown(
-            ("points", *(SMALL + MEDIUM + LARGE)),
+            ("points", *(f"{count:,}" for count in SMALL + MEDIUM + LARGE)),
             by_method(result["rows"], "seconds", "points", list(result["methods"])),
         )
     )

@@ -39,6 +39,7 @@ constexpr float MESH = 0.01f;   // point spacing of the mesh that RoPS wants
 constexpr float SUPPORT = 15 * MESH;  // RoPS, Guo et al. 2013: 15 mesh resolutions
 constexpr float REACH = 1.5f * VOXEL;  // largest distance of an inlier pair
 constexpr int FINE_ITERATIONS = 100;
+constexpr std::size_t TRIMMED_POINTS = 5000;  // of the source; all 70,000 would take minutes
 
 template <class T> typename pcl::search::KdTree<T>::Ptr tree() {
   return typename pcl::search::KdTree<T>::Ptr(new pcl::search::KdTree<T>);
@@ -96,8 +97,17 @@ double trimmed_error(const Cloud& x, const pcl::KdTreeFLANN<Point>& y, const Pos
   return sum / count;
 }
 
+// Every n-th point, so that no more than `most` are left.
+Cloud::Ptr some(const Cloud::Ptr& cloud, std::size_t most) {
+  Cloud::Ptr out(new Cloud);
+  const std::size_t step = (cloud->size() + most - 1) / most;
+  for (std::size_t i = 0; i < cloud->size(); i += step) out->push_back((*cloud)[i]);
+  return out;
+}
+
 // The overlap is the one that Chetverikov's objective, error / overlap^3, prefers.
-Pose trimmed_icp(const Cloud::Ptr& x, const Cloud::Ptr& y) {
+Pose trimmed_icp(const Cloud::Ptr& source, const Cloud::Ptr& y) {
+  const Cloud::Ptr x = some(source, TRIMMED_POINTS);
   pcl::recognition::TrimmedICP<Point, float> icp;
   icp.init(y);
   icp.setNewToOldEnergyRatio(0.9999f);

@@ -6,6 +6,7 @@ With `--benchmark-autosave` and `--benchmark-compare` it shows what a change did
 import numpy as np
 import pytest
 
+from mpe_core import register
 from mpe_core.cloud import as_pair, as_points
 from mpe_core.neighbours import Neighbours
 from mpe_core.potential import ExactField
@@ -39,3 +40,9 @@ def test_trimmed_icp(benchmark, cloud):
     start = (apply(T, cloud), Neighbours(cloud), np.eye(4), None, 100, lambda fraction: None)
     found = benchmark(trimmed_icp, *start)
     np.testing.assert_allclose(found.T_target_source @ T, np.eye(4), atol=1e-6)
+
+
+def test_whole_registration(benchmark, cloud):
+    T = pose(axis_rotation(np.ones(3), 2.0), np.full(3, 0.5))
+    found = benchmark(register, apply(T, cloud), cloud)
+    np.testing.assert_allclose(found.T_target_source @ T, np.eye(4), atol=1e-2)
