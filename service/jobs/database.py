@@ -91,6 +91,7 @@ class Database:
     def _migrate(self) -> None:
         """Alone: another process that opens the database meanwhile waits, and finds it done."""
         with (
+            _explained(),
             self._writer.connect() as connection,
             nullcontext() if self.is_shared else _foreign_keys_off(connection),
             connection.begin(),
