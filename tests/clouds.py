@@ -44,6 +44,27 @@ def knot(count: int, rng: np.random.Generator) -> Array:
     return spine + width * np.column_stack([np.zeros(count), np.cos(angle), 0.6 * np.sin(angle)])
 
 
+def room(rng: np.random.Generator, count: int = 12_000) -> Array:
+    """Walls, floor and ceiling of a box: three half turns lay it on itself."""
+    size = np.array([1.0, 0.7, 0.45])
+    points = rng.uniform(-1, 1, (count, 3)) * size
+    face = rng.integers(0, 3, count)
+    rows = np.arange(count)
+    points[rows, face] = np.sign(points[rows, face]) * size[face]
+    return points
+
+
+def turned_over(cloud: Array) -> Array:
+    """A room with two opposite edges cut off: only a half turn about x lays it on itself."""
+    return cloud[cloud[:, 1] * cloud[:, 2] < 0.1]
+
+
+def sheet(rng: np.random.Generator, count: int = 8000) -> Array:
+    """A wavy sheet seen from +z: a half turn about y lays its back on its front."""
+    x, y = rng.uniform(-0.6, 0.6, count), rng.uniform(-1, 1, count)
+    return np.column_stack([x, y, 0.1 * np.sin(5 * x) * (1 + 0.5 * y)])
+
+
 def moved(
     cloud: Array,
     rng: np.random.Generator,

@@ -8,19 +8,9 @@ import pytest
 from mpe_core import InvalidOptionsError, InvalidWeightsError, RegistrationOptions, register
 from mpe_core.rigid import apply, axis_rotation, inverse, pose, rotation_error
 from tests.checks import assert_pose_close, pose_error
-from tests.clouds import bunny, knot, motion, moved, real_pair
+from tests.clouds import bunny, knot, motion, moved, real_pair, room, sheet, turned_over
 
 UP = np.array([0.0, 0.0, 1.0])
-
-
-def room(rng, count=12_000):
-    """Walls, floor and ceiling of a box: three half turns lay it on itself."""
-    size = np.array([1.0, 0.7, 0.45])
-    points = rng.uniform(-1, 1, (count, 3)) * size
-    face = rng.integers(0, 3, count)
-    rows = np.arange(count)
-    points[rows, face] = np.sign(points[rows, face]) * size[face]
-    return points
 
 
 def start_near(truth, centre, rng, degrees=20.0, shift=0.2):
@@ -61,11 +51,6 @@ def test_an_initial_transform_is_where_local_methods_start(data):
     assert_pose_close(near.T_target_source, truth, source, degrees=1, shift=0.02)
 
 
-def turned_over(cloud):
-    """A room with two opposite edges cut off: only a half turn about x lays it on itself."""
-    return cloud[cloud[:, 1] * cloud[:, 2] < 0.1]
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_gravity_tells_up_from_down(seed):
     rng = np.random.default_rng(seed)
@@ -96,12 +81,6 @@ def test_yaw_only_keeps_the_vertical_and_so_gains_accuracy():
         )
     free_error, yaw_error = np.median(errors, axis=0)
     assert yaw_error < 0.8 * free_error
-
-
-def sheet(rng, count=8000):
-    """A wavy sheet seen from +z: a half turn about y lays its back on its front."""
-    x, y = rng.uniform(-0.6, 0.6, count), rng.uniform(-1, 1, count)
-    return np.column_stack([x, y, 0.1 * np.sin(5 * x) * (1 + 0.5 * y)])
 
 
 @pytest.mark.parametrize("seed", range(3))
