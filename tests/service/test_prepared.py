@@ -1,0 +1,48 @@
+"""Decoded clouds are kept for the tenant that referred to them, and for nobody else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.formats import DecodedCloud
+from service.jobs.prepared import PreparedClouds
+
+HASH = "ab" * 32
+POINTS = np.random.default_rng(0).normal(size=(50, 3))
+
+
+@pytest.fixture
+def prepared(tmp_path: Path) -> PreparedClouds:
+    (tmp_path / "scratch").mkdir()
+    return PreparedClouds(tmp_path / "prepared")
+
+
+def decodings(prepared: PreparedClouds, scratch: Path, *tenants: str) -> int:
+    """How often the file is decoded when these tenants refer to it in turn."""
+    count = 0
+
+    def decode() -> DecodedCloud:
+        nonlocal count
+        count += 1
+        return DecodedCloud(POINTS, "ply", ("odd",))
+
+    for tenant in tenants:
+        cloud = prepared.decoded(tenant, HASH, decode, scratch)
+        np.testing.assert_array_equal(cloud.points, POINTS)
+        assert (cloud.format, cloud.warnings) == ("ply", ("odd",))
+    return count
+
+
+def test_once_for_each_tenant(prepared: PreparedClouds, tmp_path: Path) -> None:
+    assert decodings(prepared, tmp_path / "scratch", "lab", "lab", "lab-2", "lab") == 2
+
+
+def test_what_one_tenant_needs_no_more_is_dropped(prepared: PreparedClouds, tmp_path: Path) -> None:
+    scratch = tmp_path / "scratch"
+    assert decodings(prepared, scratch, "lab", "lab-2") == 2
+    prepared.collect({("lab-2", HASH), ("lab", "cd" * 32)})
+    assert decodings(prepared, scratch, "lab-2") == 0
+    assert decodings(prepared, scratch, "lab") == 1
