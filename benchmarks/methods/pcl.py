@@ -44,7 +44,7 @@ PCL_TRIMMED_ICP = Method(
     "trimmed ICP (PCL)",
     VERSION,
     partial(run, "trimmed_icp"),
-    "overlap of 0.4 to 0.99 with the least error / overlap^3, up to 5,000 source points",
+    "overlap of 0.4 to 0.99 with the least error / overlap^3, up to 2,000 source points",
 )
 SAC_IA = Method(
     "SAC-IA+ICP",

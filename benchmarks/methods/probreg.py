@@ -29,12 +29,14 @@ def _filterreg(source: Array, target: Array) -> Array:
 
 def _gmmreg(source: Array, target: Array) -> Array:
     from probreg import l2dist_regs
+    from threadpoolctl import threadpool_limits
 
     unit = float(target.std())
     registration = l2dist_regs.RigidGMMReg(
         (source - source.mean(axis=0)) / unit, n_gmm_components=COMPONENTS, delta=SHRINK
     )
-    with np.errstate(divide="ignore", invalid="ignore"):  # of SciPy's minimiser, when it is done
+    # one thread: the matrices are small; the minimiser divides by zero when it is done
+    with threadpool_limits(1), np.errstate(divide="ignore", invalid="ignore"):
         found = registration.registration(
             (target - target.mean(axis=0)) / unit, maxiter=ANNEALINGS, tol=1e-6
         )

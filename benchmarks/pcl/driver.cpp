@@ -39,7 +39,7 @@ constexpr float MESH = 0.01f;   // point spacing of the mesh that RoPS wants
 constexpr float SUPPORT = 15 * MESH;  // RoPS, Guo et al. 2013: 15 mesh resolutions
 constexpr float REACH = 1.5f * VOXEL;  // largest distance of an inlier pair
 constexpr int FINE_ITERATIONS = 100;
-constexpr std::size_t TRIMMED_POINTS = 5000;  // of the source; all 70,000 would take minutes
+constexpr std::size_t TRIMMED_POINTS = 2000;  // of the source; all 70,000 would take minutes
 
 template <class T> typename pcl::search::KdTree<T>::Ptr tree() {
   return typename pcl::search::KdTree<T>::Ptr(new pcl::search::KdTree<T>);
