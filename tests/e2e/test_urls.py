@@ -302,7 +302,7 @@ def test_a_deadline_ends_a_fetch(fetching: Server, web: Web) -> None:
 def test_what_decodes_has_no_network_and_what_is_here_is_not_fetched_again(
     fetching: Server, web: Web
 ) -> None:
-    big, go_on = as_npy(arms(4, 200_000)), threading.Event()
+    big, go_on = as_npy(arms(4, 100_000)), threading.Event()
 
     def give_later(handler: Handler) -> None:
         go_on.wait(100)
