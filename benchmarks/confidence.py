@@ -128,7 +128,7 @@ def table(result: Result) -> str:
 
 
 def _summary(name: str, rows: list[Result]) -> tuple[object, ...]:
-    right = np.array([r["right"] for r in rows])
+    right = _right(rows)
     taken = np.array([r["accepted"] for r in rows])
     both = right.any() and not right.all()
     return (
@@ -145,16 +145,26 @@ def _share(chosen: NDArray[np.bool_]) -> str:
     return f"{chosen.sum()}/{len(chosen)} ({chosen.mean():.1%})" if len(chosen) else "-"
 
 
+def _bins(rows: list[Result]) -> list[tuple[float, float, list[Result]]]:
+    """Bounds of the confidence and the cases between them, of the bins that hold any."""
+    ends = (*BINS[:-1], np.nextafter(BINS[-1], 2))
+    found = [(a, b, [r for r in rows if a <= r["confidence"] < b]) for a, b in pairwise(ends)]
+    return [(low, high, mine) for low, high, mine in found if mine]
+
+
 def _reliability(rows: list[Result]) -> list[tuple[object, ...]]:
-    lines = []
-    for low, high in pairwise(BINS):
-        last = high == BINS[-1]
-        mine = [r for r in rows if low <= r["confidence"] < high or (last and r["confidence"] == 1)]
-        if mine:
-            mean = float(np.mean([r["confidence"] for r in mine]))
-            right = np.array([r["right"] for r in mine])
-            lines.append((f"{low:g} to {high:g}", len(mine), mean, _share(right)))
-    return lines
+    return [
+        (f"{low:g} to {high:g}", len(mine), _mean(mine, "confidence"), _share(_right(mine)))
+        for low, high, mine in _bins(rows)
+    ]
+
+
+def _mean(rows: list[Result], key: str) -> float:
+    return float(np.mean([r[key] for r in rows]))
+
+
+def _right(rows: list[Result]) -> NDArray[np.bool_]:
+    return np.array([r["right"] for r in rows])
 
 
 def _named(rows: list[Result]) -> str:
@@ -166,8 +176,8 @@ def _named(rows: list[Result]) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Evidence of right and wrong poses, and the ROC curve."""
-    evidence, curve = figure.subplots(1, 2)
+    """Evidence of right and wrong poses, the ROC curve, and how far the confidence is true."""
+    evidence, curve, reliability = figure.subplots(1, 3)
     rows = result["rows"]
     for right, colour in ((True, "tab:blue"), (False, "tab:red")):
         mine = [r for r in rows if r["right"] == right]
@@ -175,11 +185,17 @@ def draw(result: Result, figure: Figure) -> None:
         evidence.plot(
             sharp, near, ".", color=colour, alpha=0.5, label="right" if right else "wrong"
         )
-    evidence.set(xlabel="share of the near points on the surface", ylabel="share of near points")
+    evidence.set(xlabel="on the surface, of those", ylabel="share of near points")
     evidence.legend()
-    ordered = np.array([r["right"] for r in sorted(rows, key=lambda r: -r["confidence"])])
+    ordered = _right(sorted(rows, key=lambda r: -r["confidence"]))
     curve.plot(np.cumsum(~ordered) / (~ordered).sum(), np.cumsum(ordered) / ordered.sum())
-    curve.set(xlabel="share of the wrong poses accepted", ylabel="share of the right ones accepted")
+    curve.set(xlabel="wrong poses accepted", ylabel="right ones accepted")
+    bins = [mine for _, _, mine in _bins(rows)]
+    reliability.plot([0, 1], [0, 1], ":", color="grey")
+    reliability.plot(
+        *np.transpose([[_mean(b, k) for k in ("confidence", "right")] for b in bins]), "o"
+    )
+    reliability.set(xlabel="confidence", ylabel="share that is right")
 
 
 CONFIDENCE = Experiment("confidence", "Knowing when it failed", run, table, draw)
