@@ -136,8 +136,8 @@ def running_server(directory: Path, **settings: object) -> Iterator[Server]:
     """A server that is ready; settings by their names without MPE_, in lower case."""
     server = Server(directory / "data", **settings)
     server.data_dir.mkdir(parents=True)
-    server.start()
     try:
+        server.start()
         yield server
     finally:
         server.client.close()
