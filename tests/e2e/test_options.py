@@ -1,0 +1,305 @@
+"""What a caller knows makes a difference, over HTTP and as a command; mistakes are told."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mpe_core.rigid import apply, axis_rotation, inverse, pose
+from service.cli import main
+from service.formats import write_ply
+from tests.checks import assert_pose_close
+from tests.clouds import knot, motion, room, sheet, turned_over
+from tests.server import Server, finished
+
+Array = NDArray[np.float64]
+UP = np.array([0.0, 0.0, 1.0])
+SHIFT = np.array([0.02, -0.01, 0.015])
+GOOD = knot(300, np.random.default_rng(1))
+
+
+def npz(points: Array, **columns: NDArray[Any]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, points=points, **columns)
+    return buffer.getvalue()
+
+
+def submitted(
+    server: Server,
+    source: bytes,
+    target: bytes,
+    options: dict[str, Any] | None = None,
+    weights: dict[str, str] | None = None,
+) -> dict[str, Any]:
+    """The job when it has ended."""
+    reading = {role: {"weights": name} for role, name in (weights or {}).items()}
+    response = server.submit(
+        source, target, options=json.dumps(options or {}), reading=json.dumps(reading)
+    )
+    assert response.is_success
+    return finished(server.client, response.json()["id"])
+
+
+def result_of(job: dict[str, Any]) -> dict[str, Any]:
+    assert job["status"] == "succeeded", job["error"]
+    result: dict[str, Any] = job["result"]
+    return result
+
+
+def turned_room(seed: int) -> tuple[Array, Array, Array]:
+    """Two samplings of a room that one half turn lays on itself, and the motion between them."""
+    rng = np.random.default_rng(seed)
+    target, source = turned_over(room(rng)), turned_over(room(rng))
+    away = motion(source, axis_rotation(UP, 2.0), rng)
+    return apply(away, source), target, away
+
+
+def gravity(away: Array) -> dict[str, Any]:
+    return {"source_gravity": (-(away[:3, :3] @ UP)).tolist(), "target_gravity": [0, 0, -1]}
+
+
+def levelled(_: Array) -> dict[str, Any]:
+    return {"yaw_only": True}
+
+
+def start(away: Array) -> dict[str, Any]:
+    near = pose(axis_rotation(UP, np.radians(15)), 0.05 * UP)
+    return {"initial_transform": (near @ inverse(away)).tolist()}
+
+
+@pytest.mark.parametrize("knowledge", [gravity, levelled, start])
+def test_what_is_known_chooses_among_equal_poses(
+    server: Server, knowledge: Callable[[Array], dict[str, Any]]
+) -> None:
+    source, target, away = turned_room(0)
+    found = result_of(submitted(server, npz(source), npz(target), knowledge(away)))
+    assert result_of(submitted(server, npz(source), npz(target)))["ambiguous"]
+    assert not found["ambiguous"]
+    T = np.array(found["transform"])
+    assert_pose_close(T, inverse(away), source, degrees=0.5, shift=0.01)
+    if knowledge is levelled:
+        np.testing.assert_allclose(T[:3, :3] @ UP, UP, atol=1e-12)
+
+
+def test_viewpoints_settle_the_flip_of_a_thin_part(server: Server) -> None:
+    rng = np.random.default_rng(0)
+    target, source, seen_from = sheet(rng), sheet(rng), 3 * UP
+    away = motion(source, axis_rotation(rng.normal(size=3), 2.2), rng)
+    source = apply(away, source)
+    options = {
+        "source_viewpoint": apply(away, seen_from[None])[0].tolist(),
+        "target_viewpoint": seen_from.tolist(),
+    }
+    assert result_of(submitted(server, npz(source), npz(target)))["ambiguous"]
+    found = result_of(submitted(server, npz(source), npz(target), options))
+    assert not found["ambiguous"]
+    T = np.array(found["transform"])
+    assert_pose_close(T, inverse(away), source, degrees=1, shift=0.01)
+
+
+@pytest.mark.parametrize(
+    ("usual", "other"),
+    [
+        ({}, {"voxel_size": 0.04}),
+        ({"method": "mpe"}, {"method": "mpe", "field": "exact"}),
+    ],
+)
+def test_options_that_only_change_the_way(
+    server: Server, usual: dict[str, Any], other: dict[str, Any]
+) -> None:
+    rng = np.random.default_rng(2)
+    target, source = knot(2000, rng), knot(2000, rng)
+    first, second = (
+        np.array(result_of(submitted(server, npz(source), npz(target), options))["transform"])
+        for options in (usual, other)
+    )
+    assert first.tolist() != second.tolist()
+    np.testing.assert_allclose(first, second, atol=0.03)
+
+
+def test_options_come_back_and_equal_ones_are_the_same_work(server: Server) -> None:
+    cloud = npz(GOOD)
+    turn = np.eye(4, dtype=int).tolist()
+    options = {
+        "initial_transform": turn,
+        "source_gravity": [0, 0, -1],
+        "target_gravity": [0, 0, -1],
+        "source_viewpoint": [0, 1, 2],
+        "target_viewpoint": [0, 1, 2],
+        "yaw_only": True,
+        "voxel_size": 0.03,
+    }
+    job = submitted(server, cloud, cloud, options)
+    assert job["options"] == job["options"] | options
+    assert server.client.get(f"/v1/registrations/{job['id']}").json()["options"] == job["options"]
+    again = submitted(server, cloud, cloud, options | {"source_gravity": [0, 0.0, -1.0]})
+    other = submitted(server, cloud, cloud, options | {"source_gravity": [0, 0.1, -1]})
+    assert (job["cached"], again["cached"], other["cached"]) == (False, True, False)
+    assert again["result"] == job["result"]
+
+
+@pytest.mark.parametrize(
+    ("options", "pointer", "words"),
+    [
+        ({"initial_transform": np.eye(3).tolist()}, "initial_transform", "4 rows of 4 numbers"),
+        ({"initial_transform": "here"}, "initial_transform", "4 rows of 4 numbers"),
+        ({"initial_transform": (2 * np.eye(4)).tolist()}, "", "initial_transform must be rigid"),
+        ({"source_gravity": [0, -1], "target_gravity": [0, 0, 1]}, "source_gravity", "3 numbers"),
+        ({"source_gravity": [0, 0, "1"]}, "source_gravity/2", "a valid number"),
+        ({"source_gravity": [0, 0, 0], "target_gravity": [0, 0, 1]}, "", "point somewhere"),
+        ({"source_viewpoint": [0, 0, 1]}, "", "target_viewpoint: give both"),
+        ({"yaw_only": 1}, "yaw_only", "boolean"),
+        ({"yaw_only": True, "method": "mpe"}, "", "yaw_only needs method"),
+        ({"voxel_size": 0}, "", "voxel_size must be a number above 0"),
+    ],
+)
+def test_what_makes_no_sense_is_told(
+    server: Server, options: dict[str, Any], pointer: str, words: str
+) -> None:
+    response = server.submit(npz(GOOD), npz(GOOD), options=json.dumps(options))
+    problem = response.json()
+    assert response.status_code == 422
+    assert problem["type"] == "urn:mpe:problem:invalid-request"
+    (mistake,) = problem["errors"]
+    assert mistake["pointer"] == f"/options/{pointer}".rstrip("/")
+    assert words in mistake["detail"]
+
+
+@pytest.mark.parametrize(
+    ("options", "weights", "kind", "words"),
+    [
+        ({"voxel_size": 5}, {}, "invalid-options", "at most a fifth of the radius"),
+        ({"method": "mpe"}, {"source": "good"}, "invalid-options", 'weights need method "mpl"'),
+        ({}, {"source": "absent"}, "invalid-weights", "'absent'"),
+        ({}, {"target": "word"}, "invalid-weights", "target: attribute 'word' is of type <U"),
+        ({}, {"target": "below"}, "invalid-weights", "below 0"),
+        ({}, {"source": "few"}, "invalid-weights", "must be above 0"),
+    ],
+)
+def test_what_only_the_clouds_tell_fails_with_the_reason(
+    server: Server, options: dict[str, Any], weights: dict[str, str], kind: str, words: str
+) -> None:
+    count = len(GOOD)
+    file = npz(
+        GOOD,
+        good=np.ones(count),
+        word=np.full(count, "word"),
+        below=np.linspace(-1, 1, count),
+        few=np.eye(1, count)[0],
+    )
+    job = submitted(server, file, file, options, weights)
+    assert job["status"] == "failed"
+    assert job["error"]["type"] == f"urn:mpe:problem:{kind}"
+    assert job["error"]["status"] == 422
+    assert words in job["error"]["detail"]
+    if words == "'absent'":
+        assert "there are 'below', 'few', 'good', 'word'" in job["error"]["detail"]
+
+
+def doubled(folder: Path) -> dict[str, bytes]:
+    """A cloud and its shifted copy in one, with weights that leave one or the other."""
+    target = knot(1500, np.random.default_rng(3))
+    points = np.vstack([target, target + SHIFT])
+    first = np.repeat([1.0, 0.0], len(target))
+    columns = {"first": first, "second": 1 - first}
+    write_ply(folder / "source.ply", points, columns)
+    write_ply(folder / "target.ply", target)
+    rows = np.column_stack([points, *columns.values()])
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    return {
+        "ply": (folder / "source.ply").read_bytes(),
+        "npz": npz(points, **columns),
+        "csv": "\n".join(["x,y,z,first,second", *lines, ""]).encode(),
+        "target": npz(target),
+    }
+
+
+@pytest.mark.parametrize("format", ["ply", "npz", "csv"])
+def test_the_pose_follows_what_weighs(server: Server, tmp_path: Path, format: str) -> None:
+    files = doubled(tmp_path)
+    for name, shift in (("first", 0 * SHIFT), ("second", SHIFT)):
+        found = result_of(
+            submitted(server, files[format], files["target"], weights={"source": name})
+        )
+        np.testing.assert_allclose(np.array(found["transform"])[:3, 3], -shift, atol=0.004)
+
+
+def test_weights_of_a_stored_cloud(server: Server, tmp_path: Path) -> None:
+    """It is kept decoded, too, without its weights: each registration says its own."""
+    files = doubled(tmp_path)
+    for cloud, file in (("doubled", "ply"), ("single", "target")):
+        server.client.put(f"/v1/clouds/{cloud}", content=files[file]).raise_for_status()
+    wanted = {"source": {"cloud": "doubled"}, "target": {"cloud": "single"}}
+    found = []
+    for reading in ({}, {"source": {"weights": "first"}}, {"source": {"weights": "second"}}):
+        response = server.client.post("/v1/registrations", json=wanted | {"reading": reading})
+        job = finished(server.client, response.json()["id"])
+        found.append(np.array(result_of(job)["transform"])[:3, 3])
+        assert job["source"]["reading"] == reading.get("source", {})
+    np.testing.assert_allclose(found[1], 0, atol=0.004)
+    np.testing.assert_allclose(found[2], -SHIFT, atol=0.004)
+    assert found[0].tolist() not in (found[1].tolist(), found[2].tolist())
+
+
+def aligned(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
+    """What `mpe align --json` gives."""
+    assert main(["align", *map(str, words), "--json"]) == 0, capsys.readouterr().err
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_what_is_known_as_arguments(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    source, target, away = turned_room(1)
+    files = tmp_path / "source.ply", tmp_path / "target.ply"
+    for file, cloud in zip(files, (source, target), strict=True):
+        write_ply(file, cloud)
+    near = start(away)["initial_transform"]
+    (tmp_path / "pose.txt").write_text("\n".join(" ".join(map(str, row)) for row in near))
+    (tmp_path / "pose.json").write_text(json.dumps({"transform": near}))
+    down = ["1e-9", "-1e-9", "-2"]
+    for words in (
+        ["--source-gravity", *down, "--target-gravity", 0, 0, -1],
+        ["--yaw-only"],
+        ["--initial-transform", tmp_path / "pose.txt"],
+        ["--initial-transform", tmp_path / "pose.json"],
+    ):
+        found = aligned(capsys, *files, *words)
+        assert not found["ambiguous"], words
+        T = np.array(found["transform"])
+        assert_pose_close(T, inverse(away), source, degrees=0.5, shift=0.01)
+
+
+def test_weights_as_arguments(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    doubled(tmp_path)
+    files = tmp_path / "source.ply", tmp_path / "target.ply"
+    found = aligned(capsys, *files, "--source-weights", "second")
+    np.testing.assert_allclose(np.array(found["transform"])[:3, 3], -SHIFT, atol=0.004)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--initial-transform", "FOLDER/source.ply"], "source.ply: expected four lines of four"),
+        (["--initial-transform", "FOLDER/none.txt"], "none.txt: No such file"),
+        (["--initial-transform", "FOLDER/three.txt"], "initial_transform must be 4 x 4"),
+        (["--source-gravity", "0", "0", "-1"], "target_gravity: give both"),
+        (["--source-weights", "mass"], "no attribute 'mass'"),
+        (["--source-weights", "first", "--method", "mpe"], 'weights need method "mpl"'),
+    ],
+)
+def test_mistakes_in_arguments_are_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], told: str
+) -> None:
+    doubled(tmp_path)
+    (tmp_path / "three.txt").write_text("1 0 0\n0 1 0\n0 0 1\n")
+    words = [word.replace("FOLDER", str(tmp_path)) for word in words]
+    files = [str(tmp_path / "source.ply"), str(tmp_path / "target.ply")]
+    assert main(["align", *files, *words]) == 1
+    assert told in capsys.readouterr().err
