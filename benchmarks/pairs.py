@@ -60,8 +60,8 @@ def table(result: Result) -> str:
         f"Every pair of pairs.json, turned at random over SO(3) and moved by up to half a "
         f"diagonal, {SEEDS} starts each (one for {', '.join(m.name for m in ONCE)}); right by "
         "the tolerances of the pair; errors of right ones. Peers with the settings of their own "
-        "documentation (tutorial, example) and with the best that were found; TEASER++ is not on "
-        "PyPI."
+        "documentation (tutorial, example) and with the best that were found; pip found no package "
+        "of TEASER++ (teaserpp, teaserpp-python), Quatro (quatro, pyquatro) or pygicp."
         f"\n{settings_text(result['methods'])}.\n\n"
         + markdown(
             ("method", "right", "median degrees", "median seconds", "95 %"),
