@@ -60,7 +60,7 @@ def outputs(folder: Path, server: Server) -> list[str]:
 
 
 def test_curl_examples(outputs: list[str], folder: Path) -> None:
-    waited, options, lists, removed, refused, keys, align = outputs
+    waited, options, lists, removed, refused, known, keys, align = outputs
     first, second = json.loads(waited), json.loads(options)
     assert first["status"] == second["status"] == "succeeded"
     assert second["options"]["overlap"] == 0.8
@@ -76,6 +76,8 @@ def test_curl_examples(outputs: list[str], folder: Path) -> None:
     problem = json.loads(refused)
     assert 400 <= problem["status"] < 500
     assert problem["detail"]
+    assert json.loads(known)["options"]["source_viewpoint"] == [0, 0, 0]
+    assert json.loads(known)["result"]["accepted"]
     page, end = json.JSONDecoder().raw_decode(keys.strip())
     assert page["items"] == [], "the tenant sees what others have sent"
     assert ["lab", "laptop"] in [line.split()[1:3] for line in keys.strip()[end:].splitlines()]
