@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList
+from mpe_core.cells import CellList, LocalPlanes
 from mpe_core.confidence import Evidence, evidence, sharp_distance
 from mpe_core.field import NearestField, nearest_field
 from mpe_core.global_search import QUICK, WIDE, Candidates, Effort, distinct, find_poses
@@ -23,11 +23,12 @@ from mpe_core.polish import (
     point_to_plane,
     spread,
 )
-from mpe_core.potential_polish import EPS, descend_potential
+from mpe_core.potential_polish import EPS, descend_potential, potential_uncertainty
 from mpe_core.progress import Progress
 from mpe_core.rigid import apply, inverse
 from mpe_core.scan import Sample, Scan
 from mpe_core.surface import Surface
+from mpe_core.uncertainty import Uncertainty, uncertainty
 
 Pose = NDArray[np.float64]
 
@@ -72,17 +73,17 @@ class Alignment:
         self.source, self.target, self._options = source, target, options
         self._knowledge = knowledge
         rough = max(source.surface.roughness, target.surface.roughness)
-        sparse = min(len(source.fine), len(target.fine)) <= POTENTIAL_POINTS
-        noisy = rough > (NOISY_SPARSE if sparse else NOISY)
-        self._full_sum = noisy and sparse
+        self._sparse = min(len(source.fine), len(target.fine)) <= POTENTIAL_POINTS
+        noisy = rough > (NOISY_SPARSE if self._sparse else NOISY)
+        self._full_sum = noisy and self._sparse
         # a noisy cloud has no planes worth the name: the smoother one is the reference then
         self._flipped = noisy and source.surface.roughness < target.surface.roughness
         fixed, moving = (source, target) if self._flipped else (target, source)
         self._motions = (knowledge.inverse() if self._flipped else knowledge).motions()
-        noise = rough if noisy and not sparse else 0.0
+        noise = rough if noisy and not self._sparse else 0.0
         self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing, noise, fixed.viewpoint)
         self._moving, self._sample = moving, moving.sample(options.seed)
-        self._smooth_sample: Sample | None = None
+        self._own_planes: LocalPlanes | None = None
         self._sharp = sharp_distance(max(source.surface.spacing, target.surface.spacing), rough)
         self._field: NearestField | None = None
 
@@ -117,7 +118,10 @@ class Alignment:
         return Polished(self._oriented(found.T), found.converged, found.iterations)
 
     def _smoothing_helps(self, T: Pose) -> bool:
-        """Whether the smoothed clouds lie closer to each other, at a pose of the sample."""
+        """Whether the smoothed clouds lie closer to each other, at a pose of the sample. The few
+        planes of sparse clouds would smooth shape, too."""
+        if self._sparse:
+            return False
         planes = self._planes
         sharp = nearest_planes(self._sample, planes, T)
         smooth = nearest_planes(self._smoothed(), planes, T, smooth=True)
@@ -125,11 +129,29 @@ class Alignment:
 
     def _smoothed(self) -> Sample:
         """The sample laid on the planes through its own neighbours."""
-        if self._smooth_sample is None:
-            points, normals = self._sample.points, self._sample.normals
-            own = CellList(self._moving.fine, float(self._planes.cells.reach)).planes(points)
-            self._smooth_sample = Sample(own.feet(points), normals)
-        return self._smooth_sample
+        return Sample(self._own().feet(self._sample.points), self._sample.normals)
+
+    def _own(self) -> LocalPlanes:
+        """Planes through the sample's own neighbours."""
+        if self._own_planes is None:
+            cells = CellList(self._moving.fine, float(self._planes.cells.reach))
+            self._own_planes = cells.planes(self._sample.points)
+        return self._own_planes
+
+    def uncertainty(self, T: Pose) -> Uncertainty:
+        """Of a polished pose, about the source's centroid and in radii."""
+        if self._full_sum:
+            x, y = _some(self.source.surface), _some(self.target.surface)
+            eps = EPS * _noise(self.source.surface, self.target.surface, T)
+            found = potential_uncertainty(x, y, T, eps, self._knowledge.motions())
+        else:
+            here = self._oriented(T)
+            smooth = self._smoothing_helps(here)
+            sample, own = self._smoothed() if smooth else self._sample, self._own().normals
+            found = uncertainty(sample, own, self._planes, here, self._motions, smooth=smooth)
+            if self._flipped:
+                found = found.seen_from_target(T)
+        return found.about(T[:3, 3])
 
     def _polish_full_sum(self, T: Pose) -> Polished:
         x, y = self.source.surface, self.target.surface

@@ -74,7 +74,7 @@ class CellList:
     def __init__(self, points: Points, reach: float) -> None:
         self._origin, self.reach = grid(points, reach)
         self._keys, self._slots, cell_of, counts = number_cells(points, self._origin, self.reach)
-        self.points, self._starts, self.rows = sort_by_cell(points, cell_of, counts)
+        self.points, self.starts, self.rows = sort_by_cell(points, cell_of, counts)
         """The cloud in cell order (M, 3), and the row of the given cloud that each came from."""
         self.count = len(counts)
         """How many cubes hold points."""
@@ -83,7 +83,7 @@ class CellList:
         """(N,) rows of `points` nearest to queries (N, 3) and their squared distances; -1 and
         infinity where nothing is within reach."""
         row, squared = nearest_within(
-            queries, self.points, self._starts, self._keys, self._slots, self._origin, self.reach
+            queries, self.points, self.starts, self._keys, self._slots, self._origin, self.reach
         )
         return row, squared
 
@@ -93,7 +93,7 @@ class CellList:
             *local_planes(
                 queries,
                 self.points,
-                self._starts,
+                self.starts,
                 self._keys,
                 self._slots,
                 self._origin,

@@ -11,6 +11,7 @@ from mpe_core.kernels.potential_newton import potential_moments
 from mpe_core.kernels.waves import move
 from mpe_core.polish import STILL, Polished
 from mpe_core.rigid import apply
+from mpe_core.uncertainty import Uncertainty, sandwich
 
 Pose = NDArray[np.float64]
 
@@ -43,6 +44,20 @@ def descend_potential(
     return Polished(here.T, converged, iterations)
 
 
+def potential_uncertainty(
+    source: Points, target: Points, T: Pose, eps: float, motions: NDArray[np.float64]
+) -> Uncertainty:
+    """Covariance of the minimum of `descend_potential`: the sandwich H^-1 B H^-1, B the scatter of
+    the pull over the source's points."""
+    here = _Expansion(source, np.ascontiguousarray(target.T), T, eps)
+    # turns and moves in units that move the points equally stiffly
+    unit = 1 / np.sqrt(np.where(here.scale > 0, here.scale, 1))
+    H = here.hessian * np.outer(unit, unit)
+    B = np.einsum("ni,nj->ij", here.pulls, here.pulls) * np.outer(unit, unit)
+    found = sandwich(H, B, motions.T @ H @ motions, motions)
+    return found.through(np.diag(unit)).about(-here.centre)
+
+
 class _Expansion:
     """Energy of a pose, with gradient and Hessian over a rotation vector about the moved source's
     centroid and a translation."""
@@ -50,19 +65,20 @@ class _Expansion:
     def __init__(self, source: Points, y: Points, T: Pose, eps: float) -> None:
         self.T = T
         moved = apply(T, source)
-        self._centre = moved.mean(axis=0)
+        self.centre = moved.mean(axis=0)
         moments = np.empty((len(source), 11), np.float32)
         potential_moments(
             np.ascontiguousarray(moved.T.astype(np.float32)), y, np.float32(eps), moments
         )
         m = moments.astype(np.float64)
-        arm = moved - self._centre
+        arm = moved - self.centre
         self.energy = -m[:, 0].sum()
         pull = 2 * m[:, 2:5]
-        self.gradient = np.concatenate([np.cross(arm, pull).sum(axis=0), pull.sum(axis=0)])
+        self.pulls = np.concatenate([np.cross(arm, pull), pull], axis=1)
+        self.gradient = self.pulls.sum(axis=0)
         self.hessian = self._hessian(m, arm, pull)
         inertia = (arm**2).sum() / len(arm) * 2 / 3
-        self._scale = 2 * m[:, 1].sum() * np.array([inertia] * 3 + [1.0] * 3)
+        self.scale = 2 * m[:, 1].sum() * np.array([inertia] * 3 + [1.0] * 3)
 
     @staticmethod
     def _hessian(
@@ -87,7 +103,7 @@ class _Expansion:
 
     def step(self, damping: float, motions: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """(6,) damped Newton step, or None where the damped Hessian is not positive definite."""
-        H = motions.T @ (self.hessian + damping * np.diag(self._scale)) @ motions
+        H = motions.T @ (self.hessian + damping * np.diag(self.scale)) @ motions
         try:
             np.linalg.cholesky(H)
         except np.linalg.LinAlgError:
@@ -98,7 +114,7 @@ class _Expansion:
     def moved(self, step: NDArray[np.float64]) -> Pose:
         """The pose after a step."""
         T = self.T.copy()
-        T[:3, 3] -= self._centre
+        T[:3, 3] -= self.centre
         move(T, step)
-        T[:3, 3] += self._centre
+        T[:3, 3] += self.centre
         return T

@@ -26,6 +26,7 @@ from mpe_core.scan import Scan, scan
 from mpe_core.sparse_search import sparse_mpe
 from mpe_core.surface import VOXEL
 from mpe_core.tree import tree_order
+from mpe_core.uncertainty import Uncertainty
 
 MOST_VOXEL = 0.2
 """Coarsest thinning, in radii of the smaller cloud; a sphere keeps some 300 points with it."""
@@ -79,6 +80,8 @@ def register(
             raise InvalidOptionsError('weights need method "mpl" with search "global"')
         polished = _as_printed(pair, options, progress)
         trust, rivals = alignment.judge(polished.T), []
+    with progress.stage("refine"):
+        known = alignment.uncertainty(polished.T).in_unit(pair.unit)
     with progress.stage("inliers"):
         distance = alignment.distances(polished.T)
         threshold = options.inlier_threshold or pair.unit * inlier_threshold(
@@ -97,7 +100,9 @@ def register(
         accepted=trust.accepted,
         ambiguous=len(rivals) > 0,
         alternatives=np.array([pair.to_caller(T) for T in rivals]).reshape(-1, 4, 4),
-        warnings=_warnings(x, y, polished, len(inliers), trust, len(rivals)),
+        covariance=known.covariance,
+        free_directions=known.free,
+        warnings=_warnings(x, y, polished, len(inliers), trust, len(rivals), known),
         timing=progress.finish(),
     )
 
@@ -169,7 +174,13 @@ def _inliers(
 
 
 def _warnings(
-    source: Cloud, target: Cloud, polished: Polished, inliers: int, trust: Evidence, rivals: int
+    source: Cloud,
+    target: Cloud,
+    polished: Polished,
+    inliers: int,
+    trust: Evidence,
+    rivals: int,
+    known: Uncertainty,
 ) -> tuple[str, ...]:
     texts = [
         f"{cloud.dropped} rows of the {name} were left out: NaN or infinity"
@@ -187,6 +198,11 @@ def _warnings(
         texts.append(
             f"{rivals} other poses fit as well (alternatives): the shape is symmetric or slides on"
             " itself"
+        )
+    if len(known.free):
+        texts.append(
+            f"the surfaces slide on themselves in {len(known.free)} of 6 directions"
+            " (free_directions): the pose is not told along them"
         )
     if not inliers:
         texts.append("no source point is within the inlier threshold of the target")

@@ -53,10 +53,15 @@ def fit_moments(covariance: Array, x_mean: Array, y_mean: Array) -> Array:
 
 def axis_rotation(axis: Array, angle: float) -> Array:
     """(3, 3) rotation by angle (radians) about axis (3,), of any length but zero (Rodrigues)."""
-    x, y, z = axis / np.linalg.norm(axis)
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    K = cross_matrix(axis / np.linalg.norm(axis))
     R: Array = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
     return R
+
+
+def cross_matrix(v: Array) -> Array:
+    """(3, 3) matrix of p -> v x p."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def rotation_error(A: Array, B: Array) -> float:

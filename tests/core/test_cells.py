@@ -36,17 +36,21 @@ def test_nearest_is_the_exact_nearest_within_reach(cloud, queries):
 
 def test_planes_are_those_of_numpy(cloud, queries):
     cells = CellList(cloud, REACH)
-    normals, variation, thickness, count = cells.planes(queries)
+    planes = cells.planes(queries)
     for row, rows in enumerate(KDTree(cloud).query_ball_point(queries, REACH)):
-        assert abs(count[row] - len(rows)) <= 1, "a point at the very edge may fall either way"
-        if len(rows) < 8 or count[row] != len(rows):
+        assert abs(planes.counts[row] - len(rows)) <= 1, (
+            "a point at the very edge may fall either way"
+        )
+        if len(rows) < 8 or planes.counts[row] != len(rows):
             continue
         values, axes = np.linalg.eigh(np.cov(cloud[rows].astype(np.float64).T, bias=True))
-        assert thickness[row] == pytest.approx(np.sqrt(values[0]), abs=2e-4)
-        assert variation[row] == pytest.approx(values[0] / values.sum(), abs=2e-3)
+        assert planes.thickness[row] == pytest.approx(np.sqrt(values[0]), abs=2e-4)
+        assert planes.variation[row] == pytest.approx(values[0] / values.sum(), abs=2e-3)
+        foot = planes.feet(queries)[row] - cloud[rows].mean(axis=0)
+        assert abs(foot @ planes.normals[row]) < 2e-5, "the plane runs through the mean"
         if values[1] > 3 * values[0]:
-            assert abs(normals[row] @ axes[:, 0]) > 0.999
-    assert (normals[count < 5] == 0).all()
+            assert abs(planes.normals[row] @ axes[:, 0]) > 0.999
+    assert (planes.normals[planes.counts < 5] == 0).all()
 
 
 def test_thinning_keeps_one_mean_a_cube(cloud):
