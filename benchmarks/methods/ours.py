@@ -19,4 +19,8 @@ MPL_PAPER = _method(
     "Algorithm 1 on 1,600 points, then trimmed ICP",
     RegistrationOptions(search="sparse"),
 )
-MPE = _method("MPE", "Algorithm 1 on all points", RegistrationOptions(method="mpe"))
+MPE = _method(
+    "MPE",
+    "Algorithm 1 on all points, distant ones summed by a tree",
+    RegistrationOptions(method="mpe"),
+)
