@@ -31,6 +31,8 @@ def result_document(found: Registration) -> bytes:
             accepted=found.accepted,
             ambiguous=found.ambiguous,
             alternatives=found.alternatives.tolist(),
+            covariance=found.covariance.tolist(),
+            free_directions=found.free_directions.tolist(),
             converged=found.converged,
             iterations=found.iterations,
             inliers=_summary(found),

@@ -10,6 +10,7 @@ from pydantic_core import PydanticCustomError
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Row = Annotated[list[float], Field(min_length=4, max_length=4)]
+Motion = Annotated[list[float], Field(min_length=6, max_length=6)]
 Matrix = Annotated[list[Row], Field(min_length=4, max_length=4)]
 
 

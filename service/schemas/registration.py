@@ -53,6 +53,8 @@ EXAMPLE: dict[str, Any] = {
         "accepted": True,
         "ambiguous": False,
         "alternatives": [],
+        "covariance": [[1e-8 if row == column else 0 for column in range(6)] for row in range(6)],
+        "free_directions": [],
         "converged": True,
         "iterations": 12,
         "inliers": {"count": 2, "ratio": 0.91, "threshold": 0.001, "pairs": [[0, 7], [1, 3]]},

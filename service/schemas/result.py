@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from service.schemas.document import Document
-from service.shapes import Matrix, Row, Vector
+from service.shapes import Matrix, Motion, Row, Vector
 
 INLINE_PAIRS = 100_000
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
@@ -57,6 +57,16 @@ class Result(Document):
     )
     alternatives: list[Matrix] = Field(
         description="Those other poses, as `transform`; some of them if there are infinitely many."
+    )
+    covariance: Annotated[list[Motion], Field(min_length=6, max_length=6)] = Field(
+        description="6x6 covariance of the error of the pose as a small motion: rotation vector "
+        "about the moved source's centroid in radians, then translation in the input's unit, along "
+        "the target's axes. It covers noise and misfit, not a wrong pose; along free directions it "
+        "says a radian or a radius of the smaller cloud."
+    )
+    free_directions: list[Motion] = Field(
+        description="Such motions that nothing resists, because the surfaces slide on themselves: "
+        "none for most shapes, one along a street, three for a plane or a sphere."
     )
     converged: bool = Field(description="Whether the refinement settled before its bound.")
     iterations: int = Field(ge=0, description="Iterations of the last stage; a count.")

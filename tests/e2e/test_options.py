@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mpe_core.rigid import apply, axis_rotation, inverse, pose
 from service.cli import main
@@ -102,6 +103,26 @@ def test_viewpoints_settle_the_flip_of_a_thin_part(server: Server) -> None:
     assert not found["ambiguous"]
     T = np.array(found["transform"])
     assert_pose_close(T, inverse(away), source, degrees=1, shift=0.01)
+
+
+def test_the_result_says_how_exact_it_is(server: Server) -> None:
+    """A pose's error is a few of its standard deviations; a plane slides and turns in itself."""
+    rng = np.random.default_rng(4)
+    target, source = knot(2000, rng), knot(2000, rng)
+    away = motion(source, axis_rotation(UP, 0.4), rng)
+    source = apply(away, source)
+    found = result_of(submitted(server, npz(source), npz(target)))
+    assert found["free_directions"] == []
+    covariance = np.array(found["covariance"])
+    np.testing.assert_allclose(covariance, covariance.T, rtol=0, atol=1e-9 * covariance.max())
+    left = np.array(found["transform"]) @ away
+    spread = np.sqrt(np.trace(covariance[:3, :3]))
+    angle = np.linalg.norm(Rotation.from_matrix(left[:3, :3]).as_rotvec())
+    assert 0.01 * spread < angle < 6 * spread
+    assert spread < np.radians(2)
+    plane = rng.uniform(-1, 1, (2000, 3)) * [1, 1, 1e-3]
+    flat = result_of(submitted(server, npz(plane), npz(plane)))
+    assert np.array(flat["free_directions"]).shape == (3, 6)
 
 
 @pytest.mark.parametrize(
