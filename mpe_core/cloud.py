@@ -22,6 +22,9 @@ LEAST_RATIO = 1e-4
 """Radius of the smaller cloud over that of the larger one that is still resolved: in float32 the
 larger cloud then keeps a thousandth of the smaller one's radius."""
 
+SMALLEST_WEIGHT, LARGEST_WEIGHT = 1e-30, 1e30
+"""Others vanish in float32, or overflow in its sums."""
+
 RADIUS_SAMPLE = 200_000
 """Points that the radius is taken from, or up to twice as many."""
 
@@ -138,6 +141,13 @@ def _as_weights(weights: ArrayLike, count: int, name: str) -> NDArray[np.float64
     if (K < 0).any():
         row = int(np.argmax(K < 0))
         raise InvalidWeightsError(f"weight {K[row]:g} of point {row} of the {name} is below 0")
+    extreme = np.isfinite(K) & (K > 0) & ((K < SMALLEST_WEIGHT) | (K > LARGEST_WEIGHT))
+    if extreme.any():
+        row = int(np.argmax(extreme))
+        raise InvalidWeightsError(
+            f"weight {K[row]:g} of point {row} of the {name} is neither 0 nor from"
+            f" {SMALLEST_WEIGHT:g} to {LARGEST_WEIGHT:g}"
+        )
     return K
 
 

@@ -124,5 +124,6 @@ class Knowledge:
 
 
 def _unit(vector: tuple[float, ...]) -> Array:
-    unit: Array = np.array(vector) / np.linalg.norm(vector)
+    shrunk = np.array(vector) / np.abs(vector).max()  # the square of a tiny one would be 0
+    unit: Array = shrunk / np.linalg.norm(shrunk)
     return unit

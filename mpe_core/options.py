@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mpe_core.cloud import LARGEST_COORDINATE
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.rigid import is_rigid
 
@@ -172,4 +173,6 @@ def _numbers(
     if array.shape != shape or not np.isfinite(array).all():
         size = " x ".join(str(n) for n in shape)
         raise InvalidOptionsError(f"{name} must be {size} finite numbers, got {value!r}")
+    if np.abs(array).max() > LARGEST_COORDINATE:
+        raise InvalidOptionsError(f"{name} has a number beyond {LARGEST_COORDINATE:g}")
     return array

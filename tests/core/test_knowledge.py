@@ -132,7 +132,10 @@ def test_weights_say_how_much_points_count(data):
         np.testing.assert_allclose(found.T_target_source[:3, 3], -followed, atol=0.002)
 
 
-@pytest.mark.parametrize("wrong", [np.ones(5), -np.ones(3), np.zeros(3), ["a", "b", "c"], 1.0])
+@pytest.mark.parametrize(
+    "wrong",
+    [np.ones(5), -np.ones(3), np.zeros(3), ["a", "b", "c"], 1.0, [1, 1, 1e-40], [1, 1, 1e40]],
+)
 def test_weights_that_do_not_fit_are_refused(wrong):
     with pytest.raises(InvalidWeightsError, match="source"):
         register(np.eye(3), np.eye(3), source_weights=wrong)
@@ -181,6 +184,7 @@ def test_a_voxel_of_the_clouds_size_is_refused(data):
         ({"source_gravity": (0, 0, 0), "target_gravity": (0, 0, 1)}, "point somewhere"),
         ({"source_gravity": (0, 1), "target_gravity": (0, 0, 1)}, "3 finite numbers"),
         ({"source_gravity": (0, 1, np.nan), "target_gravity": (0, 0, 1)}, "3 finite numbers"),
+        ({"source_gravity": (0, 1, 1e300), "target_gravity": (0, 0, 1)}, "beyond 1e[+]15"),
         ({"initial_transform": 2 * np.eye(4)}, "must be rigid"),
         ({"initial_transform": np.diag([1, 1, -1, 1])}, "must be rigid"),
         ({"initial_transform": np.eye(3)}, "4 x 4 finite numbers"),
