@@ -11,6 +11,7 @@ from service.formats import (
     CloudFileError,
     DecodedCloud,
     MalformedFileError,
+    MissingAttributeError,
     UnknownFormatError,
     read_points,
     sniff,
@@ -217,3 +218,45 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
 def test_unknown_content_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownFormatError, match="GIF89a"):
         decode(tmp_path, b"GIF89a" + bytes(99))
+
+
+WEIGHTS = np.linspace(0, 1, len(POINTS)).astype(np.float32)
+RECORDS = np.rec.fromarrays([*POINTS.T, WEIGHTS], names="x,y,z,weight")
+WEIGHTED = {
+    "ply": (ply(), "red", np.arange(40)),
+    "pcd": (pcd(), "normal_x", NORMALS[:, 0]),
+    "csv": (
+        b'x,y,z,class,"weight"\n'
+        + b"".join(
+            row + b",tree,%.9g\n" % weight
+            for row, weight in zip(text_rows(POINTS, ",").splitlines(), WEIGHTS, strict=True)
+        ),
+        "weight",
+        WEIGHTS,
+    ),
+    "npy": (npy(RECORDS), "weight", WEIGHTS),
+    "npz": (npz(points=POINTS, weight=WEIGHTS), "weight", WEIGHTS),
+    "npz of records": (npz(cloud=RECORDS), "weight", WEIGHTS),
+}
+
+
+@pytest.mark.parametrize("kind", WEIGHTED)
+def test_weights_are_the_attribute_of_that_name(tmp_path: Path, kind: str) -> None:
+    content, name, expected = WEIGHTED[kind]
+    path = tmp_path / "cloud"
+    path.write_bytes(content)
+    cloud = read_points(path, weights=name)
+    assert cloud.weights is not None
+    np.testing.assert_array_equal(cloud.weights.astype(np.float32), expected)
+    np.testing.assert_array_equal(cloud.points.astype(np.float32), POINTS)
+    assert cloud.attributes == {}
+    assert cloud.warnings == ()
+    with pytest.raises(MissingAttributeError, match=f"'class'.* there are .*'{name}'"):
+        read_points(path, weights="class")
+
+
+def test_weights_where_no_column_has_a_name(tmp_path: Path) -> None:
+    for content in (text_rows(POINTS), npy(POINTS)):
+        (tmp_path / "cloud").write_bytes(content)
+        with pytest.raises(MissingAttributeError, match="there are none"):
+            read_points(tmp_path / "cloud", weights="weight")
