@@ -26,6 +26,7 @@ from tests.service.scanner_files import kitti, scanner_seeds
 
 LIMITS = Limits(max_points=100_000)
 MOST_BYTES = 20_000
+CHOSEN = {"scan": 0, "surface_samples": 10, "attributes": True, "weights": "intensity"}
 
 
 def main() -> None:
@@ -44,8 +45,7 @@ def main() -> None:
 
         def one_input(data: bytes) -> None:
             path.write_bytes(data)
-            choices = dict.fromkeys(format.choices, 0 if "scan" in format.choices else 10)
-            for chosen in ({}, choices):
+            for chosen in ({}, {name: CHOSEN[name] for name in format.choices}):
                 try:
                     points = read_points(path, LIMITS, format=name, **chosen).points
                 except CloudFileError:
