@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.alignment import Alignment, align
-from mpe_core.cloud import Cloud, Pair, as_pair, as_points
+from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
 from mpe_core.descent import EPS, Descent, descend
 from mpe_core.errors import InvalidOptionsError
@@ -27,6 +27,7 @@ from mpe_core.sparse_search import sparse_mpe
 from mpe_core.surface import VOXEL
 from mpe_core.tree import tree_order
 from mpe_core.uncertainty import Uncertainty
+from mpe_core.units import unit_mismatch
 
 MOST_VOXEL = 0.2
 """Coarsest thinning, in radii of the smaller cloud; a sphere keeps some 300 points with it."""
@@ -102,7 +103,7 @@ def register(
         alternatives=np.array([pair.to_caller(T) for T in rivals]).reshape(-1, 4, 4),
         covariance=known.covariance,
         free_directions=known.free,
-        warnings=_warnings(x, y, polished, len(inliers), trust, len(rivals), known),
+        warnings=_warnings(x, y, pair, polished, len(inliers), trust, len(rivals), known),
         timing=progress.finish(),
     )
 
@@ -176,6 +177,7 @@ def _inliers(
 def _warnings(
     source: Cloud,
     target: Cloud,
+    pair: Pair,
     polished: Polished,
     inliers: int,
     trust: Evidence,
@@ -194,6 +196,8 @@ def _warnings(
             f"do not trust this pose: only {trust.sharp:.0%} of the points near the target lie on"
             " its surface; the clouds may overlap too little, or show different things"
         )
+        mismatch = unit_mismatch(radius(pair.source), radius(pair.target))
+        texts += [mismatch] if mismatch else []
     if rivals:
         texts.append(
             f"{rivals} other poses fit as well (alternatives): the shape is symmetric or slides on"

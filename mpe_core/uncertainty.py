@@ -138,7 +138,7 @@ def _stiffness(source: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) 
 
     N = np.column_stack([pull(-d) - pull(d) for d in step * np.eye(6)]) / (2 * step)
     J = _pulls(nearest_planes(some, planes, T, smooth=smooth), planes.cut)[1]
-    fixed = np.linalg.cholesky(J.T @ J + 1e-9 * len(J) * np.eye(6))
+    fixed = np.linalg.cholesky(J.T @ J + (1e-9 * len(J) + 1e-12) * np.eye(6))
     inner = np.linalg.solve(fixed, np.linalg.solve(fixed, (N + N.T) / 2).T)
     value, axes = np.linalg.eigh((inner + inner.T) / 2)
     side = fixed @ axes
