@@ -159,6 +159,8 @@ def _read_array(file: IO[bytes], size: int, name: str, limits: Limits) -> NDArra
             raise UnsupportedFileError(f"{name} is of .npy version {version}; 1.0 and 2.0 are read")
     if dtype.hasobject:
         raise UnsupportedFileError(f"{name} holds pickled objects, which are never loaded")
+    if dtype.itemsize == 0 or dtype.subdtype is not None:
+        raise MalformedFileError(f"{name} has elements of the type {str(dtype)[:40]}")
     if any(length < 0 for length in shape):
         raise MalformedFileError(f"{name} has the shape {shape}")
     count = prod(shape)
@@ -167,8 +169,7 @@ def _read_array(file: IO[bytes], size: int, name: str, limits: Limits) -> NDArra
     content = file.read(count * dtype.itemsize)
     if len(content) < count * dtype.itemsize:
         raise TruncatedFileError(f"{at} ends after {len(content)} bytes")
-    array = np.frombuffer(content, dtype) if dtype.itemsize else np.empty(0, dtype)
-    return array.reshape(shape, order="F" if fortran else "C")
+    return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")
 
 
 def _values_limit(limits: Limits) -> Limits:
