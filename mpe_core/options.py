@@ -61,8 +61,8 @@ class RegistrationOptions:
 
     voxel_size: float | None = None
     """Edge of the cubes that the clouds are thinned to for the search, in the unit of the input; a
-    third of it for the refinement. Larger evens out noise, smaller keeps small parts; at most a
-    fifth of the radius of the smaller cloud. None: 1.5 % of that radius."""
+    third of it for the refinement. Larger evens out noise, smaller keeps small parts; from a
+    thousandth to a fifth of the radius of the smaller cloud. None: 1.5 % of that radius."""
 
     initial_transform: Matrix | None = None
     """About where the source lies in the target's frame: 4x4 rigid transform, row-major, as the

@@ -29,8 +29,9 @@ from mpe_core.tree import tree_order
 from mpe_core.uncertainty import Uncertainty
 from mpe_core.units import unit_mismatch
 
-MOST_VOXEL = 0.2
-"""Coarsest thinning, in radii of the smaller cloud; a sphere keeps some 300 points with it."""
+LEAST_VOXEL, MOST_VOXEL = 1e-3, 0.2
+"""Finest and coarsest thinning, in radii of the smaller cloud; a sphere of radius 1 keeps some 300
+points with the coarsest, and 12 million with the finest."""
 
 ENERGY_EPS = 0.03
 """eps of the reported P2 energy, in radii of the smaller cloud."""
@@ -111,10 +112,10 @@ def register(
 def _scans(x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions) -> tuple[Scan, Scan]:
     """Both clouds thinned, without the points of weight 0."""
     voxel = VOXEL if options.voxel_size is None else options.voxel_size / pair.unit
-    if voxel > MOST_VOXEL:
+    if not LEAST_VOXEL <= voxel <= MOST_VOXEL:
         raise InvalidOptionsError(
-            f"voxel_size must be at most a fifth of the radius {pair.unit:.6g} of the smaller"
-            f" cloud, got {options.voxel_size}"
+            "voxel_size must be at most a fifth and at least a thousandth of the radius"
+            f" {pair.unit:.6g} of the smaller cloud, got {options.voxel_size}"
         )
     views = pair.viewpoints(options.source_viewpoint, options.target_viewpoint)
     found = [

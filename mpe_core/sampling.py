@@ -28,6 +28,13 @@ def weighted_rows(
     return usable[np.argsort(-keys, kind="stable")[:count]]
 
 
+def proportional_rows(weights: NDArray[np.generic], count: int) -> NDArray[np.int64]:
+    """(count,) row numbers, each as often as its share of the weights (N,) asks for: systematic
+    resampling (Kitagawa 1996), without chance."""
+    share = np.cumsum(np.asarray(weights, np.float64))
+    return np.searchsorted(share / share[-1], (np.arange(count) + 0.5) / count)
+
+
 def even_rows(
     points: NDArray[np.float32],
     weights: NDArray[np.float32],

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.cells import CellList, Points, thin, thin_weighted
-from mpe_core.sampling import weighted_rows
+from mpe_core.sampling import proportional_rows
 from mpe_core.surface import VOXEL, Surface, facing, surface
 
 FINE = 1 / 3
@@ -50,14 +50,22 @@ class Scan:
     """(3,) where the scanner stood, if that is known."""
 
     def sample(self, seed: int) -> Sample:
-        """Fine points, drawn evenly or by weight."""
-        rng = np.random.default_rng(seed)
+        """Fine points, drawn evenly, or each as often as its weight asks for."""
+        count = min(len(self.fine), POLISHED_POINTS)
         if self.weights is None:
-            rows = rng.permutation(len(self.fine))[:POLISHED_POINTS]
+            rows = np.random.default_rng(seed).permutation(len(self.fine))[:count]
         else:
-            rows = weighted_rows(self.weights, POLISHED_POINTS, rng)
+            rows = proportional_rows(self.weights, count)
         points = self.fine[np.sort(rows)]
         return Sample(points, self._outward(points) if self.surface.oriented else None)
+
+    def coarse(self, most: int) -> Points:
+        """(up to `most`, 3) of the surface's points but stray ones, likewise."""
+        usable = self.surface.points[self.surface.weights > 0]
+        if self.weights is not None:
+            weights = _at(usable, self.fine, self.weights, self.voxel)
+            usable = usable[proportional_rows(weights, len(usable))]
+        return np.ascontiguousarray(usable[:: max(1, -(-len(usable) // most))])
 
     def _outward(self, points: Points) -> Points:
         cells = CellList(self.surface.points, OWN_REACH * self.voxel)

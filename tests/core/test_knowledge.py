@@ -120,16 +120,17 @@ def test_points_of_weight_zero_do_not_mislead(data):
     assert found.accepted
 
 
-def test_weights_say_how_much_points_count(data):
+@pytest.mark.parametrize("name", ["bun_zipper_res3", "bun_zipper_res2"])
+def test_weights_say_how_much_points_count(data, name):
     """Half of the source is a shifted copy; the weights decide which half the pose follows."""
-    target = bunny(data, "bun_zipper_res2")
+    target = bunny(data, name)
     shift = np.array([0.02, -0.01, 0.015])
     source = np.vstack([target, target + shift])
     for share in (0.02, 0.98):
         weights = np.repeat([1 - share, share], len(target))
         found = register(source, target, source_weights=weights)
         followed = shift if share > 0.5 else np.zeros(3)
-        np.testing.assert_allclose(found.T_target_source[:3, 3], -followed, atol=0.002)
+        np.testing.assert_allclose(found.T_target_source[:3, 3], -followed, atol=0.004)
 
 
 @pytest.mark.parametrize(
@@ -170,10 +171,11 @@ def test_a_coarser_voxel_evens_out_noise(data):
     assert coarse_error < 0.8 * usual_error
 
 
-def test_a_voxel_of_the_clouds_size_is_refused(data):
+@pytest.mark.parametrize("size", [1, 1e-9])
+def test_a_voxel_of_no_use_is_refused(data, size):
     model = bunny(data)
-    with pytest.raises(InvalidOptionsError, match="at most a fifth of the radius"):
-        register(model, model, RegistrationOptions(voxel_size=1))
+    with pytest.raises(InvalidOptionsError, match="at most a fifth and at least a thousandth"):
+        register(model, model, RegistrationOptions(voxel_size=size))
 
 
 @pytest.mark.parametrize(

@@ -195,7 +195,7 @@ def test_what_makes_no_sense_is_told(
 @pytest.mark.parametrize(
     ("options", "weights", "kind", "words"),
     [
-        ({"voxel_size": 5}, {}, "invalid-options", "at most a fifth of the radius"),
+        ({"voxel_size": 5}, {}, "invalid-options", "at most a fifth and at least a thousandth"),
         ({"method": "mpe"}, {"source": "good"}, "invalid-options", 'weights need method "mpl"'),
         ({}, {"source": "absent"}, "invalid-weights", "'absent'"),
         ({}, {"target": "word"}, "invalid-weights", "target: attribute 'word' is of type <U"),
