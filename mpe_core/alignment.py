@@ -4,7 +4,7 @@ convince."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from mpe_core.progress import Progress
 from mpe_core.rigid import apply, inverse
 from mpe_core.scan import Sample, Scan
 from mpe_core.surface import Surface
-from mpe_core.uncertainty import Uncertainty, uncertainty
+from mpe_core.uncertainty import PROBED_POINTS, Uncertainty, uncertainty
 
 Pose = NDArray[np.float64]
 
@@ -89,7 +89,8 @@ class Alignment:
         noise = rough if noisy and not self._sparse else 0.0
         self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing, noise, fixed.viewpoint)
         self._moving, self._sample = moving, moving.sample(options.seed)
-        self._own_planes: LocalPlanes | None = None
+        self._own_cells: CellList | None = None
+        self._smooth_sample: Sample | None = None
         self._sharp = sharp_distance(max(source.surface.spacing, target.surface.spacing), rough)
         self._field: NearestField | None = None
 
@@ -118,45 +119,50 @@ class Alignment:
         planes, most = self._planes, self._options.max_iterations
         found = point_to_plane(self._sample, planes, self._oriented(T), self._motions, most)
         if self._smoothing_helps(found.T):
+            if self._smooth_sample is None:
+                self._smooth_sample = self._smoothed(self._sample)
             found = point_to_plane(
-                self._smoothed(), planes, found.T, self._motions, most, smooth=True
+                self._smooth_sample, planes, found.T, self._motions, most, smooth=True
             )
-        return Polished(self._oriented(found.T), found.converged, found.iterations)
+        return replace(found, T=self._oriented(found.T))
 
     def _smoothing_helps(self, T: Pose) -> bool:
         """Whether the smoothed clouds lie closer to each other, at a pose of the sample. The few
         planes of sparse clouds would smooth shape, too."""
         if self._sparse:
             return False
-        planes = self._planes
-        sharp = nearest_planes(self._sample, planes, T)
-        smooth = nearest_planes(self._smoothed(), planes, T, smooth=True)
+        probe, planes = self._sample.part(PROBED_POINTS), self._planes
+        sharp = nearest_planes(probe, planes, T)
+        smooth = nearest_planes(self._smoothed(probe), planes, T, smooth=True)
         return spread(smooth, planes.cut) < SMOOTHED * spread(sharp, planes.cut)
 
-    def _smoothed(self) -> Sample:
+    def _smoothed(self, sample: Sample) -> Sample:
         """The sample laid on the planes through its own neighbours."""
-        return Sample(self._own().feet(self._sample.points), self._sample.normals)
+        return Sample(self._own_planes(sample).feet(sample.points), sample.normals)
 
-    def _own(self) -> LocalPlanes:
-        """Planes through the sample's own neighbours."""
-        if self._own_planes is None:
-            cells = CellList(self._moving.fine, float(self._planes.cells.reach))
-            self._own_planes = cells.planes(self._sample.points)
-        return self._own_planes
+    def _own_planes(self, sample: Sample) -> LocalPlanes:
+        """Planes through the neighbours of the sample in its own cloud."""
+        if self._own_cells is None:
+            self._own_cells = CellList(self._moving.fine, float(self._planes.cells.reach))
+        return self._own_cells.planes(sample.points)
 
-    def uncertainty(self, T: Pose) -> Uncertainty:
+    def uncertainty(self, polished: Polished) -> Uncertainty:
         """Of a polished pose, about the source's centroid and in radii."""
-        if self._full_sum:
-            x, y = self._coarse()
+        T = polished.T
+        if self._full_sum and not polished.by_planes:
             eps = EPS * _noise(self.source.surface, self.target.surface, T)
-            found = potential_uncertainty(x, y, T, eps, self._knowledge.motions())
-        else:
-            here = self._oriented(T)
-            smooth = self._smoothing_helps(here)
-            sample, own = self._smoothed() if smooth else self._sample, self._own().normals
-            found = uncertainty(sample, own, self._planes, here, self._motions, smooth=smooth)
-            if self._flipped:
-                found = found.seen_from_target(T)
+            found = potential_uncertainty(*self._coarse(), T, eps, self._knowledge.motions())
+            return found.about(T[:3, 3])
+        sample, smooth = self._sample, polished.smooth
+        if smooth and self._smooth_sample is not None:
+            sample = self._smooth_sample
+        probe = self._sample.part(PROBED_POINTS)
+        own = self._own_planes(probe).normals
+        found = uncertainty(
+            sample, probe, own, self._planes, self._oriented(T), self._motions, smooth=smooth
+        )
+        if self._flipped:
+            found = found.seen_from_target(T)
         return found.about(T[:3, 3])
 
     def _polish_full_sum(self, T: Pose) -> Polished:

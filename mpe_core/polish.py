@@ -102,6 +102,10 @@ class Polished:
     T: Pose
     converged: bool
     iterations: int
+    by_planes: bool = False
+    """Whether it is a minimum of the distances from planes."""
+    smooth: bool = False
+    """Whether these were smoothed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +172,7 @@ def point_to_plane(
             T = T.copy()
             move(T, step)
             converged = bool(np.abs(step).max() < (STILL if cut == target.cut else 20 * STILL))
-    return Polished(T, converged, iterations)
+    return Polished(T, converged, iterations, by_planes=True, smooth=smooth)
 
 
 def spread(pairs: Nearest, cut: float) -> float:

@@ -83,7 +83,7 @@ def register(
         polished = _as_printed(pair, options, progress)
         trust, rivals = alignment.judge(polished.T), []
     with progress.stage("refine"):
-        known = alignment.uncertainty(polished.T).in_unit(pair.unit)
+        known = alignment.uncertainty(polished).in_unit(pair.unit)
     with progress.stage("inliers"):
         distance = alignment.distances(polished.T)
         threshold = options.inlier_threshold or pair.unit * inlier_threshold(
@@ -146,7 +146,9 @@ def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) ->
         if options.method == "mpl":
             neighbours, T = Neighbours(pair.target), found.T_target_source
             found = trimmed_icp(source, neighbours, T, options.overlap, most, report)
-    return Polished(found.T_target_source @ start, found.converged, found.iterations)
+    return Polished(
+        found.T_target_source @ start, found.converged, found.iterations, by_planes=True
+    )
 
 
 def _mpe(

@@ -33,6 +33,12 @@ class Sample:
     normals: Points | None
     """(N, 3) unit normals that point out of the surface, where it is known which side that is."""
 
+    def part(self, most: int) -> Sample:
+        """About `most` of them, evenly."""
+        every = max(1, len(self.points) // most)
+        normals = None if self.normals is None else self.normals[::every]
+        return Sample(self.points[::every].copy(), normals)
+
 
 @dataclass(frozen=True, slots=True)
 class Scan:

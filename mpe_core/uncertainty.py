@@ -24,8 +24,11 @@ PROBE = 0.3
 """Step of the numerical derivative over the cut-off of the residuals: with fixed planes instead,
 the bunny with noise 0.006 would pass for 2.4 times as exact as it is."""
 
-PROBED_POINTS = 500
+STIFFNESS_POINTS = 500
 """Points that the derivative is taken on."""
+
+PROBED_POINTS = 1000
+"""Points of which planes through their own neighbours are fitted, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,7 @@ class Uncertainty:
 
 def uncertainty(
     source: Sample,
+    probe: Sample,
     own_normals: Points,
     planes: TargetPlanes,
     T: Array,
@@ -73,10 +77,12 @@ def uncertainty(
     """Covariance of the minimum of `point_to_plane`: the sandwich N^-1 B N^-1 of an M-estimator
     (Huber 1967), N the derivative of the gradient, in which points change their planes, and B the
     scatter of the gradient over patches of the surface as wide as a plane (Liang and Zeger 1986):
-    points of one patch share the errors of their planes."""
+    points of one patch share the errors of their planes. The normals (K, 3) at the `probe` of
+    the source's points tell which directions are free."""
     pairs = nearest_planes(source, planes, T, smooth=smooth)
     pulls = _pulls(pairs, planes.cut)[0]
-    information = motions.T @ _information(pairs, own_normals, T) @ motions
+    probed = nearest_planes(probe, planes, T)
+    information = motions.T @ _information(probed, own_normals, T) @ motions
     N = _stiffness(source, planes, T, smooth=smooth)
     return sandwich(N, _scatter(pairs, pulls, float(planes.cells.reach)), information, motions)
 
@@ -124,9 +130,8 @@ def _scatter(pairs: Nearest, pulls: Array, patch: float) -> Array:
 def _stiffness(source: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) -> Array:
     """(6, 6) derivative of the gradient, by central differences, never stiffer than with fixed
     planes nor less than a twentieth of that."""
-    every = max(1, len(source.points) // PROBED_POINTS)
-    normals = None if source.normals is None else source.normals[::every]
-    some = Sample(source.points[::every], normals)
+    some = source.part(STIFFNESS_POINTS)
+    share = len(some.points) / len(source.points)
     step = PROBE * planes.cut
 
     def pull(motion: Array) -> Array:
@@ -142,5 +147,5 @@ def _stiffness(source: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) 
     inner = np.linalg.solve(fixed, np.linalg.solve(fixed, (N + N.T) / 2).T)
     value, axes = np.linalg.eigh((inner + inner.T) / 2)
     side = fixed @ axes
-    stiffness: Array = every * (side * np.clip(value, 0.05, 1)) @ side.T
+    stiffness: Array = (side * np.clip(value, 0.05, 1)) @ side.T / share
     return stiffness
