@@ -57,7 +57,7 @@ RIVAL = 0.7
 """Candidates that score at least this share of the best are polished and compared."""
 
 
-AS_SHARP, AS_NEAR = 0.1, 0.05
+AS_SHARP, AS_NEAR = 0.12, 0.05
 """Another pose fits as well if its evidence falls short by no more than this. The next best pose of
 the shared pairs falls short of the true one by 0.2 and more in sharpness."""
 
@@ -86,7 +86,7 @@ class Alignment:
         self._flipped = noisy and source.surface.roughness < target.surface.roughness
         fixed, moving = (source, target) if self._flipped else (target, source)
         self._motions = (knowledge.inverse() if self._flipped else knowledge).motions()
-        noise = rough if noisy and not self._sparse else 0.0
+        noise = rough if noisy else 0.0
         self._planes = TargetPlanes(fixed.fine, fixed.surface.spacing, noise, fixed.viewpoint)
         self._moving, self._sample = moving, moving.sample(options.seed)
         self._own_cells: CellList | None = None

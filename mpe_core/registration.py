@@ -196,8 +196,9 @@ def _warnings(
         texts.append(f"not converged after {polished.iterations} iterations")
     if not trust.accepted:
         texts.append(
-            f"do not trust this pose: only {trust.sharp:.0%} of the points near the target lie on"
-            " its surface; the clouds may overlap too little, or show different things"
+            f"do not trust this pose: {trust.near:.0%} of the points come near the target, and"
+            f" {trust.sharp:.0%} of these more than by chance lie on its surface; the clouds may"
+            " overlap too little, or show different things"
         )
         mismatch = unit_mismatch(radius(pair.source), radius(pair.target))
         texts += [mismatch] if mismatch else []
