@@ -17,7 +17,7 @@ LOOK_EVERY_S = 1.0  # for what nobody announces: changes by another process, the
 async def settled(service: Service, tenant: str, job_id: str, wait_s: float) -> JobRow | None:
     """The tenant's job once it has ended, or as it is after the wait; None when there is none."""
     deadline = time.monotonic() + wait_s
-    with service.changes.watch(job_id) as changed:
+    with service.changes.watch(job_id, progress=False) as changed:
         while True:
             changed.clear()
             job = await run_in_threadpool(service.store.find, tenant, job_id)

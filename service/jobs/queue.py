@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from service.jobs.changes import Announce
 from service.jobs.child import Child, prepare_forkserver
 from service.jobs.job import JobRow
 from service.jobs.scratch import discard_scratch
@@ -31,7 +32,7 @@ class Queue:
         store: JobStore,
         blobs: BlobStore,
         settings: Settings,
-        announce: Callable[[str], None],
+        announce: Announce,
         ended: Callable[[JobRow], None],
     ) -> None:
         self._store = store

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from service.fetching import FetchRules
+from service.jobs.changes import Announce
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
 from service.jobs.fetch import is_needed
@@ -46,7 +47,7 @@ class Worker:
     store: JobStore
     blobs: BlobStore
     settings: Settings
-    announce: Callable[[str], None]
+    announce: Announce
     """Called with the job's id after each change of its row."""
     started: Callable[[JobRow, Child], None]
     """Called with the job and its child, so that a cancel can kill it."""
@@ -119,7 +120,7 @@ class Worker:
                     beat = now + HEARTBEAT_S
                 mine = mine and self._is_mine(job, message)
             if message is not None:
-                self.announce(job.id)
+                self.announce(job.id, progress=True)
                 self.standby.begin()  # for the next task, while this one runs
         return None
 

@@ -38,7 +38,7 @@ async def events(
     The stream ends with the registration. The data of an event is an `Event`.
     """
     last = last_event_id
-    with service.changes.watch(job.id) as changed:
+    with service.changes.watch(job.id, progress=True) as changed:
         while True:
             changed.clear()
             news = await run_in_threadpool(service.store.events, job.id, after=last)
