@@ -75,7 +75,8 @@ class CellList:
         self._origin, self.reach = grid(points, reach)
         self._keys, self._slots, cell_of, counts = number_cells(points, self._origin, self.reach)
         self.points, self.starts, self.rows = sort_by_cell(points, cell_of, counts)
-        """The cloud in cell order (M, 3), and the row of the given cloud that each came from."""
+        """The cloud in cell order (M, 3), where each cube's points start in it, and the row of the
+        given cloud that each came from."""
         self.count = len(counts)
         """How many cubes hold points."""
 

@@ -128,6 +128,11 @@ class Nearest:
         residuals: Points = np.einsum("ni,ni->n", self.points - self.moved, self.normals)
         return residuals
 
+    def weights(self, cut: float) -> NDArray[np.float64]:
+        """(N,) Tukey's weights of the residuals; 0 for points that are not used."""
+        u = self.residuals().astype(np.float64) / cut
+        return np.where(self.used, np.maximum(0, 1 - u**2) ** 2, 0)
+
 
 def nearest_planes(
     source: Sample, target: TargetPlanes, T: Pose, *, smooth: bool = False
@@ -177,8 +182,7 @@ def point_to_plane(
 
 def spread(pairs: Nearest, cut: float) -> float:
     """Root mean square of the residuals, weighted as in the polish."""
-    r = pairs.residuals()[pairs.used].astype(np.float64)
-    weight = np.maximum(0, 1 - (r / cut) ** 2) ** 2
+    weight, r = pairs.weights(cut), pairs.residuals().astype(np.float64)
     return float(np.sqrt((weight * r**2).sum() / max(weight.sum(), 1e-30)))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpe_core.alignment import Alignment, align
+from mpe_core.alignment import Aligned, Alignment, align
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
 from mpe_core.descent import EPS, Descent, descend
@@ -75,13 +75,12 @@ def register(
         alignment = Alignment(*scans, Knowledge.of(options, pair), options)
     if options.method == "mpl" and options.search == "global":
         best, *others = align(alignment, progress)
-        polished, trust = best.polished, best.evidence
-        rivals = [other.polished.T for other in others]
     else:
         if x.weights is not None or y.weights is not None:
             raise InvalidOptionsError('weights need method "mpl" with search "global"')
-        polished = _as_printed(pair, options, progress)
-        trust, rivals = alignment.judge(polished.T), []
+        printed = _as_printed(pair, options, progress)
+        best, others = Aligned(printed, alignment.judge(printed.T)), []
+    polished, trust = best.polished, best.evidence
     with progress.stage("refine"):
         known = alignment.uncertainty(polished).in_unit(pair.unit)
     with progress.stage("inliers"):
@@ -100,11 +99,13 @@ def register(
         iterations=polished.iterations,
         confidence=trust.confidence,
         accepted=trust.accepted,
-        ambiguous=len(rivals) > 0,
-        alternatives=np.array([pair.to_caller(T) for T in rivals]).reshape(-1, 4, 4),
+        ambiguous=len(others) > 0,
+        alternatives=np.array([pair.to_caller(other.polished.T) for other in others]).reshape(
+            -1, 4, 4
+        ),
         covariance=known.covariance,
         free_directions=known.free,
-        warnings=_warnings(x, y, pair, polished, len(inliers), trust, len(rivals), known),
+        warnings=_warnings(x, y, pair, polished, len(inliers), trust, len(others), known),
         timing=progress.finish(),
     )
 

@@ -80,7 +80,7 @@ def uncertainty(
     points of one patch share the errors of their planes. The normals (K, 3) at the `probe` of
     the source's points tell which directions are free."""
     pairs = nearest_planes(source, planes, T, smooth=smooth)
-    pulls = _pulls(pairs, planes.cut)[0]
+    pulls = _pulls(pairs, planes.cut)
     probed = nearest_planes(probe, planes, T)
     information = motions.T @ _information(probed, own_normals, T) @ motions
     N = _stiffness(source, planes, T, smooth=smooth)
@@ -96,25 +96,32 @@ def sandwich(N: Array, B: Array, information: Array, motions: Array) -> Uncertai
     return Uncertainty(covariance, np.ascontiguousarray(free.T))
 
 
-def _pulls(pairs: Nearest, cut: float) -> tuple[Array, Array]:
-    """(N, 6) gradients of the residuals' loss (0 beyond the cut-off), and (M, 6) directions of the
-    M residuals within it."""
-    moved, normals = pairs.moved.astype(np.float64), pairs.normals.astype(np.float64)
-    residual = pairs.residuals().astype(np.float64)
-    weight = np.where(pairs.used, np.maximum(0, 1 - (residual / cut) ** 2) ** 2, 0)
-    J = np.concatenate([np.cross(moved, normals), normals], axis=1)
-    return (weight * residual)[:, None] * J, J[weight > 0]
+def _pulls(pairs: Nearest, cut: float) -> Array:
+    """(N, 6) gradients of the residuals' loss, 0 beyond the cut-off."""
+    pull = pairs.weights(cut) * pairs.residuals().astype(np.float64)
+    return pull[:, None] * _directions(pairs.moved, pairs.normals)
+
+
+def _directions(points: Points, normals: Points) -> Array:
+    """(N, 6) how far points (N, 3) go along their normals by small motions."""
+    n = normals.astype(np.float64)
+    return np.concatenate([np.cross(points.astype(np.float64), n), n], axis=1)
+
+
+def _products(J: Array, K: Array) -> Array:
+    """(6, 6) sum of J_i K_i^T over the rows."""
+    # no matrix product: BLAS may round differently with another number of threads
+    return np.asarray(np.einsum("ni,nj->ij", J, K))
 
 
 def _information(pairs: Nearest, own_normals: Points, T: Array) -> Array:
     """(6, 6) mean of J_i J_i'^T, J from the target's normals and J' from the source's: the errors
     of the two are independent and do not pass for shape."""
-    moved, normals = pairs.moved.astype(np.float64), pairs.normals.astype(np.float64)
-    own = own_normals @ T[:3, :3].T
-    own *= np.sign(np.einsum("ni,ni->n", own, normals))[:, None]
+    own = np.einsum("ij,nj->ni", T[:3, :3], own_normals)
+    own *= np.sign(np.einsum("ni,ni->n", own, pairs.normals))[:, None]
     known = pairs.used & (np.abs(own).sum(axis=1) > 0)
-    J, K = (np.concatenate([np.cross(moved, n), n], axis=1)[known] for n in (normals, own))
-    product = J.T @ K / max(known.sum(), 1)
+    J, K = (_directions(pairs.moved, normals)[known] for normals in (pairs.normals, own))
+    product = _products(J, K) / max(known.sum(), 1)
     information: Array = (product + product.T) / 2
     return information
 
@@ -123,8 +130,7 @@ def _scatter(pairs: Nearest, pulls: Array, patch: float) -> Array:
     """(6, 6) sum over patches of the outer squares of their sums."""
     cells = CellList(pairs.moved, patch)
     sums = np.add.reduceat(pulls[cells.rows], cells.starts[:-1], axis=0)
-    scatter: Array = np.einsum("ni,nj->ij", sums, sums)
-    return scatter
+    return _products(sums, sums)
 
 
 def _stiffness(source: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) -> Array:
@@ -137,13 +143,14 @@ def _stiffness(source: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) 
     def pull(motion: Array) -> Array:
         there = T.copy()
         move(there, motion)
-        pulls = _pulls(nearest_planes(some, planes, there, smooth=smooth), planes.cut)[0]
-        total: Array = pulls.sum(axis=0)
+        pairs = nearest_planes(some, planes, there, smooth=smooth)
+        total: Array = _pulls(pairs, planes.cut).sum(axis=0)
         return total
 
     N = np.column_stack([pull(-d) - pull(d) for d in step * np.eye(6)]) / (2 * step)
-    J = _pulls(nearest_planes(some, planes, T, smooth=smooth), planes.cut)[1]
-    fixed = np.linalg.cholesky(J.T @ J + (1e-9 * len(J) + 1e-12) * np.eye(6))
+    here = nearest_planes(some, planes, T, smooth=smooth)
+    J = _directions(here.moved, here.normals)[here.weights(planes.cut) > 0]
+    fixed = np.linalg.cholesky(_products(J, J) + (1e-9 * len(J) + 1e-12) * np.eye(6))
     inner = np.linalg.solve(fixed, np.linalg.solve(fixed, (N + N.T) / 2).T)
     value, axes = np.linalg.eigh((inner + inner.T) / 2)
     side = fixed @ axes
