@@ -34,9 +34,10 @@ Pose = NDArray[np.float64]
 
 NOISY, NOISY_SPARSE = 0.013, 0.0095
 """Roughness from which on noise hides the planes, for dense and for sparse clouds (at most
-POTENTIAL_POINTS): both get wider planes, and for sparse ones the full-sum potential takes over. Roughness of the shared clouds: at most 0.013; of the bunny of 1,889 points with noise 0.01
-0.010, 0.02 0.017. With 0.0095 for all, facades end 0.2 degrees off instead of 0.05; with 0.013 for
-all, the bunny with noise 0.01 0.17 instead of 0.07."""
+POTENTIAL_POINTS): both get wider planes, and for sparse ones the full-sum potential takes over.
+Roughness of the shared clouds: at most 0.013; of the bunny of 1,889 points with noise 0.01 0.010,
+0.02 0.017. With 0.0095 for all, facades end 0.2 degrees off instead of 0.05; with 0.013 for all,
+the bunny with noise 0.01 0.17 instead of 0.07."""
 
 LEAST_NOISE = 0.01
 QUARTER_OF_NORMAL = 0.3186
