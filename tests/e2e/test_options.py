@@ -159,7 +159,9 @@ def test_options_come_back_and_equal_ones_are_the_same_work(server: Server) -> N
     job = submitted(server, cloud, cloud, options)
     assert job["options"] == job["options"] | options
     assert server.client.get(f"/v1/registrations/{job['id']}").json()["options"] == job["options"]
-    again = submitted(server, cloud, cloud, options | {"source_gravity": [0, 0.0, -1.0]})
+    below_zero = np.where(np.eye(4) == 0, -0.0, 1.0).tolist()
+    equal = {"source_gravity": [0, -0.0, -1.0], "initial_transform": below_zero}
+    again = submitted(server, cloud, cloud, options | equal)
     other = submitted(server, cloud, cloud, options | {"source_gravity": [0, 0.1, -1]})
     assert (job["cached"], again["cached"], other["cached"]) == (False, True, False)
     assert again["result"] == job["result"]
