@@ -39,7 +39,7 @@ def main() -> None:
         if kind == name or sniff(content[:4096]) == name:
             (folder / kind.replace(" ", "-")).write_bytes(content)
     options = [f"-max_total_time={seconds}", f"-max_len={MOST_BYTES}", "-timeout=20"]
-    options += ["-rss_limit_mb=3000", "-verbosity=0", f"-artifact_prefix={folder}/"]
+    options += ["-rss_limit_mb=3000", "-print_final_stats=1", f"-artifact_prefix={folder}/"]
     with tempfile.TemporaryDirectory(dir="/dev/shm") as scratch:
         path = Path(scratch) / "cloud"
 
