@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
-import shutil
 import tempfile
 import threading
-from pathlib import Path
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
@@ -58,8 +57,8 @@ def aligned(
     target = service.blobs.path(job.target.sha256) if job.target.sha256 else None
     if len(paths) < 2 or target is None or not all(path.exists() for path in (*paths, target)):
         raise ExpiredError("The result or a cloud has expired; register the clouds again.")
-    folder = tempfile.mkdtemp(prefix="aligned-", dir=service.settings.data_dir / "scratch")
-    output = Path(folder) / f"{job.id}-aligned.{format}"
+    output = tempfile.NamedTemporaryFile(dir=service.blobs.incoming, prefix="aligned-")  # noqa: SIM115
+    fcntl.flock(output, fcntl.LOCK_EX)  # or a service that starts takes it for a dead one's
     alignment = Alignment(
         transform=json.loads(paths[0].read_bytes())["transform"],
         source=str(paths[1]),
@@ -67,7 +66,7 @@ def aligned(
         target=str(target) if merged else None,
         target_reading=job.target.reading,
         format=format,
-        output=str(output),
+        output=output.name,
         memory_bytes=service.settings.job_memory_bytes,
         timeout_s=service.settings.job_timeout_s,
     )
@@ -75,11 +74,11 @@ def aligned(
         with _at_once:
             write_aligned(alignment)
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        output.close()
         raise
     return FileResponse(
-        output,
+        output.name,
         media_type=FILE,
-        filename=output.name,
-        background=BackgroundTask(shutil.rmtree, folder, ignore_errors=True),
+        filename=f"{job.id}-aligned.{format}",
+        background=BackgroundTask(output.close),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -12,13 +13,20 @@ import pytest
 from numpy.typing import NDArray
 
 from service.formats import DecodedCloud, read_points
-from tests.server import Server
+from tests.server import Server, running_server
 from tests.service.cloud_files import NORMALS, POINTS, pcd, ply
 from tests.service.scanner_files import DOUBLES, las
 from tests.waiting import until
 
 C, S = np.cos(np.radians(20)), np.sin(np.radians(20))
 TURN = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Its upkeep looks all the time for files that nobody needs."""
+    with running_server(tmp_path_factory.mktemp("server"), upkeep_interval_s=0.05) as running:
+        yield running
 
 
 def target() -> bytes:
@@ -80,12 +88,13 @@ def test_merged_with_the_target(server: Server, tmp_path: Path) -> None:
     np.testing.assert_allclose(cloud.points[40:], DOUBLES @ TURN.T, atol=1e-4)
 
 
-def test_laz_is_read_by_laspy_and_scratch_is_left_clean(server: Server, tmp_path: Path) -> None:
+def test_laz_is_read_by_laspy_and_nothing_is_left(server: Server, tmp_path: Path) -> None:
     job, _ = registered(server, ply(), target())
     content = server.client.get(f"/v1/registrations/{job}/aligned?format=laz").content
     (tmp_path / "a.laz").write_bytes(content)
     assert laspy.read(tmp_path / "a.laz").header.point_count == 40
-    until(lambda: not list((server.data_dir / "scratch").glob("aligned-*")))
+    left = [server.data_dir / name for name in ("scratch", "incoming")]
+    until(lambda: not [path for folder in left for path in folder.iterdir()])
 
 
 def test_what_cannot_be_fetched(server: Server) -> None:
