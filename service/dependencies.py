@@ -15,6 +15,7 @@ from service.body import read_file
 from service.core import Service
 from service.gate import Caller
 from service.jobs.job import JobRow
+from service.origin import check_origin
 from service.problems import UnknownRegistrationError
 from service.schemas import FormatName
 from service.storage import Blob
@@ -40,11 +41,16 @@ _bearer = HTTPBearer(
 async def identify(
     request: Request, service: CurrentService, _: Annotated[object, Security(_bearer)]
 ) -> Caller:
-    """Whoever calls, by the key that is sent, and not more often than it may be used."""
+    """Whoever calls, by the key that is sent, and not more often than it may be used.
+
+    Without a key: whoever is not a page of another site.
+    """
     given = request.headers.getlist("authorization")
     caller = service.gate.remembered(given)
     if caller is None:
         caller = await run_in_threadpool(service.gate.identified, given)
+    if caller.key_id is None:
+        check_origin(request, service.settings)
     request.scope["caller"] = caller
     service.rate_limit.count(caller)
     return caller

@@ -50,6 +50,14 @@ class UnauthorizedError(ServiceError):
     """No key was given where one is needed, or one that is not valid."""
 
 
+class HostRefusedError(ServiceError):
+    """No key was given, and the service was called by a name that is not its own."""
+
+
+class OriginRefusedError(ServiceError):
+    """No key was given, and a page of another site would change something."""
+
+
 class RateLimitedError(ServiceError):
     """The key was used more often than it may."""
 
@@ -179,6 +187,8 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
         415, "unsupported-content-type", "The content type is not supported"
     ),
     UnauthorizedError: ProblemType(401, "unauthorized", "A valid key is needed"),
+    HostRefusedError: ProblemType(421, "host-refused", "The service has another name"),
+    OriginRefusedError: ProblemType(403, "origin-refused", "Pages of this origin may not call"),
     NotAcceptableError: ProblemType(406, "not-acceptable", "None of the accepted formats exists"),
     BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
     UnknownRegistrationError: ProblemType(

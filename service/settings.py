@@ -163,6 +163,14 @@ class Settings(BaseSettings):
         default=False,
         description="Whether to serve at an address that others can reach while there is no key.",
     )
+    allowed_hosts: Annotated[
+        tuple[Annotated[str, Field(pattern=r"^[a-z0-9._-]+$")], ...], NoDecode
+    ] = Field(
+        default=(),
+        description="Names, comma-separated, without ports, that callers without a key may call "
+        "the service by, beside localhost and loopback addresses; empty: none, or with "
+        "MPE_ALLOW_OPEN any.",
+    )
     key_requests_per_s: float = Field(
         default=50,
         ge=0,
@@ -203,7 +211,7 @@ class Settings(BaseSettings):
     )
     webhook_tries: int = Field(default=12, ge=1, description="Most tries of one callback.")
 
-    @field_validator("url_hosts", "webhook_hosts", "cors_origins", mode="before")
+    @field_validator("url_hosts", "webhook_hosts", "cors_origins", "allowed_hosts", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):

@@ -142,7 +142,8 @@ def cut_connection(server: Server, url: str, content: bytes, *, offset: int, sen
     """Announce the rest of the file, send a part of it, and hang up when that has come."""
     path = url.removeprefix(server.url)
     head = (
-        f"PATCH {path} HTTP/1.1\r\nHost: x\r\nTus-Resumable: 1.0.0\r\nUpload-Offset: {offset}\r\n"
+        f"PATCH {path} HTTP/1.1\r\nHost: localhost\r\n"
+        f"Tus-Resumable: 1.0.0\r\nUpload-Offset: {offset}\r\n"
         "Content-Type: application/offset+octet-stream\r\n"
         f"Content-Length: {len(content) - offset}\r\n\r\n"
     )

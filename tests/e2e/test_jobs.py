@@ -68,7 +68,7 @@ def test_same_key_gives_the_same_registration(server: Server) -> None:
 def test_a_key_whose_first_request_is_under_way_is_refused(server: Server) -> None:
     key = {"Idempotency-Key": "slow-upload"}
     head = (
-        "POST /v1/registrations HTTP/1.1\r\nHost: x\r\nIdempotency-Key: slow-upload\r\n"
+        "POST /v1/registrations HTTP/1.1\r\nHost: localhost\r\nIdempotency-Key: slow-upload\r\n"
         "Content-Type: multipart/form-data; boundary=x\r\nContent-Length: 12\r\n"
         "Expect: 100-continue\r\n\r\n"
     )

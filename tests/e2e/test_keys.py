@@ -100,6 +100,13 @@ def test_a_revoked_key_is_refused_by_the_running_server(closed: Server) -> None:
         assert colleague.get("/v1/formats").status_code == 200
 
 
+def test_a_key_is_taken_under_any_name_and_from_any_page(closed: Server) -> None:
+    strange = {"Host": "scans.example.org", "Origin": "https://lab.example.org"}
+    with caller(closed, new_key(closed, "proxied")) as proxied:
+        assert proxied.put("/v1/clouds/named", content=CLOUD, headers=strange).is_success
+        assert proxied.get("/v1/clouds/named", headers=strange).status_code == 200
+
+
 def test_two_keys_of_a_tenant_see_the_same(closed: Server) -> None:
     with (
         caller(closed, new_key(closed, "pair")) as one,
@@ -139,7 +146,8 @@ def test_an_address_of_others_with_a_key_or_when_told_to(
         new_key(server, "lab")
     server.start(ready=False, host="0.0.0.0")
     try:
-        open_to_all = server.client.get("/v1/formats").status_code == 200
+        by_name = {"Host": f"mpe:{server.port}"}  # as other containers call it
+        open_to_all = server.client.get("/v1/formats", headers=by_name).status_code == 200
         assert open_to_all == bool(settings)
     finally:
         server.client.close()

@@ -34,6 +34,7 @@ def test_ports_and_networks_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
         ("URL_PORTS", "0"),
         ("URL_PORTS", "https"),
         ("PRIVATE_NETWORKS", "intern.example.org"),
+        ("ALLOWED_HOSTS", "mpe:8000"),
         ("S3_ENDPOINT", "store:9000"),
     ],
 )

@@ -61,3 +61,4 @@ def test_compose_keeps_the_root_read_only_and_names_the_volume() -> None:
     assert service["volumes"] == ["data:/data"]
     assert "data" in compose["volumes"]
     assert all(port.startswith("127.0.0.1:") for port in service["ports"])
+    assert service["environment"]["MPE_ALLOWED_HOSTS"] in compose["services"]
