@@ -14,6 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.dependencies import CurrentService, KnownJob
 from service.jobs.job import JobEvent, is_terminal
+from service.options import EXACT
 from service.schemas import Event
 from service.waiting import LOOK_EVERY_S
 
@@ -30,7 +31,8 @@ async def events(
     job: KnownJob,
     service: CurrentService,
     last_event_id: Annotated[
-        int, Header(ge=0, description="Number of the last event that was received.")
+        int,
+        Header(ge=0, lt=EXACT, description="Number of the last event that was received."),
     ] = 0,
 ) -> AsyncIterator[ServerSentEvent]:
     """Server-sent events, one for each change, from the first or from after `Last-Event-ID`.

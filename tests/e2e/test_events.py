@@ -51,6 +51,16 @@ def test_a_stream_resumes_after_the_last_event(server: Server) -> None:
     events = list(follow(server.client, job["id"]))
     assert list(follow(server.client, job["id"], last=3)) == events[3:]
     assert list(follow(server.client, job["id"], last=len(events))) == []
+    assert list(follow(server.client, job["id"], last=2**53 - 1)) == []
+
+
+def test_a_number_that_no_event_has(server: Server) -> None:
+    job = server.submit(CLOUD, CLOUD).json()
+    for number in ("-1", "9223372036854775808", "9" * 5000, "last"):
+        headers = {"Last-Event-ID": number}
+        answer = server.client.get(f"/v1/registrations/{job['id']}/events", headers=headers)
+        assert answer.status_code == 422, number
+        assert answer.json()["type"] == "urn:mpe:problem:invalid-request"
 
 
 def test_a_stream_tells_of_a_cancel(server: Server) -> None:
