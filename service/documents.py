@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from datetime import UTC, datetime
 
 from service.clouds import StoredCloud
@@ -42,7 +41,13 @@ def summary(job: JobRow) -> JobSummary:
 
 
 def _cloud(cloud: CloudInput) -> CloudInfo:
-    return CloudInfo(**asdict(cloud) | {"url": shown(cloud.url)})
+    return CloudInfo(
+        sha256=cloud.sha256,
+        size=cloud.size,
+        url=shown(cloud.url),
+        cloud=cloud.cloud,
+        reading=cloud.reading,
+    )
 
 
 def document(job: JobRow, blobs: BlobStore) -> bytes:

@@ -44,6 +44,7 @@ class DrainingServer(uvicorn.Server):
         service: Service | None = getattr(self._app.state, "service", None)
         if service is not None:
             service.queue.stop(service.settings.shutdown_grace_s)
+            service.changes.announce_stop()
         super().handle_exit(sig, frame)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import logging
-import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -24,6 +23,7 @@ from service.jobs.confinement import (
     IDLE_NAME,
     confine,
     die_with_parent,
+    give_way,
     name_process,
 )
 from service.jobs.fetch import fetched
@@ -40,7 +40,9 @@ Report = Callable[[str, float], None]
 PROGRESS_EVERY_S = 0.2
 READING_SHARE = 0.1
 """Share of an attempt's progress that stands for fetching and decoding."""
-WORKER_NICENESS = 10  # the API answers first
+WORKER_NICENESS = 10
+"""The API answers first. 64 clients on two cores that had other work: 99 % of the submissions took
+at most 111 to 135 ms with niceness 0 of the worker's session, 55 to 84 ms with this."""
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +65,7 @@ def run(task: FetchTask | Task, connection: Connection) -> None:
     """Confine this process, do the work, send what came of it or the problem."""
     name_process(BUSY_NAME)
     confine(task.limits)
-    os.nice(WORKER_NICENESS)
+    give_way(WORKER_NICENESS)
     job_id.set(task.job_id)
     tempfile.tempdir = str(task.scratch)
     if isinstance(task, Task):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import resource
@@ -15,6 +16,7 @@ IDLE_NAME, BUSY_NAME = "mpe-idle", "mpe-busy"
 """What workers are called in lists of processes."""
 MAX_OPEN_FILES = 256
 MAX_FILE_BYTES = 64 * 2**30
+AUTOGROUP = "/proc/self/autogroup"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,18 @@ def name_process(name: str) -> None:
 def _prctl(option: int, value: int | bytes) -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(option, value)
+
+
+def give_way(by: int) -> None:
+    """Let the processor serve others first; in a session of its own, which is set back as a whole.
+
+    Where processes are in no control group Linux shares the processor among sessions first, and by
+    niceness within each: that of a process alone would say nothing to the service. Without
+    privileges it can be set ten times a second, by all together; it is not worth waiting for.
+    """
+    niceness = os.nice(by)
+    with contextlib.suppress(OSError), open(AUTOGROUP, "w") as session:  # noqa: PTH123
+        session.write(str(niceness))
 
 
 def confine(limits: Limits) -> None:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from sqlalchemy import Connection, and_, insert, select
 
 from service.jobs.job import JobRow, Retention
-from service.jobs.rows import count_jobs, find_job, record_change
+from service.jobs.rows import count_jobs, find_job, record_change, record_end
 from service.jobs.tables import idempotency_keys, jobs
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
@@ -42,8 +42,9 @@ def accept(
         check_room(count_jobs(connection, "queued"), queue_limit)
         if tenant_queue_limit is not None:
             check_share(count_jobs(connection, "queued", job.tenant), tenant_queue_limit)
-    connection.execute(insert(jobs).values(**asdict(job)))
-    record_change(connection, job.id)
+    connection.execute(insert(jobs), asdict(job))
+    record = record_end if job.status == "succeeded" else record_change
+    record(connection, job.id)
     if idempotency is not None:
         row = {**asdict(idempotency), "tenant": job.tenant, "job_id": job.id}
         connection.execute(insert(idempotency_keys).values(**row))

@@ -124,6 +124,7 @@ class Queue:
             self._wake.acquire(timeout=POLL_S)
             return
         try:
+            self._announce(job.id, progress=True)
             with about_job(job.id):
                 worker.work(job)
         finally:

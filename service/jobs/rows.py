@@ -6,9 +6,22 @@ import time
 from typing import Any
 from uuid import uuid4
 
-from sqlalchemy import Connection, Row, Select, and_, func, insert, literal, select, update
+from sqlalchemy import (
+    Connection,
+    Float,
+    Insert,
+    Row,
+    Select,
+    String,
+    and_,
+    bindparam,
+    func,
+    insert,
+    select,
+    update,
+)
 
-from service.jobs.job import ENDED, CloudInput, JobRow
+from service.jobs.job import CloudInput, JobRow
 from service.jobs.tables import deliveries, events, jobs
 from service.shown import shown
 
@@ -39,23 +52,37 @@ def count_jobs(connection: Connection, status: str, tenant: str | None = None) -
 
 
 def record_change(connection: Connection, job_id: str) -> None:
-    """Append the job, as it is now, to its events; plan the call that tells of its end."""
-    last = select(func.coalesce(func.max(events.c.number), 0)).where(events.c.job_id == job_id)
+    """Append the job, as it is now, to its events."""
+    connection.execute(_EVENT, {"of_job": job_id, "moment": time.time()})
+
+
+def _event() -> Insert:
+    job = bindparam("of_job", type_=String)
+    last = select(func.coalesce(func.max(events.c.number), 0)).where(events.c.job_id == job)
     now = select(
         jobs.c.id,
         last.scalar_subquery() + 1,
-        literal(time.time()),
+        bindparam("moment", type_=Float),
         jobs.c.status,
         jobs.c.stage,
         jobs.c.fraction,
-    ).where(jobs.c.id == job_id)
-    connection.execute(insert(events).from_select(list(events.c), now))
-    ended = and_(jobs.c.id == job_id, jobs.c.status.in_(ENDED), jobs.c.callback_url.is_not(None))
-    plan_delivery(connection, select(jobs.c.id).where(ended))
+    ).where(jobs.c.id == job)
+    return insert(events).from_select(list(events.c), now)
 
 
-def hide_signatures(connection: Connection, job_id: str) -> None:
-    """Keep no more of the URLs of a job's clouds than may be shown: they are not fetched again."""
+_EVENT = _event()  # built once: that takes longer than to execute it
+
+
+def record_end(connection: Connection, job_id: str) -> None:
+    """Append the end to the job's events, plan the call that tells of it, and keep no more of the
+    URLs of its clouds than may be shown: they are not fetched again."""
+    record_change(connection, job_id)
+    called = and_(jobs.c.id == job_id, jobs.c.callback_url.is_not(None))
+    plan_delivery(connection, select(jobs.c.id).where(called))
+    _hide_signatures(connection, job_id)
+
+
+def _hide_signatures(connection: Connection, job_id: str) -> None:
     query = select(jobs.c.source, jobs.c.target).where(jobs.c.id == job_id)
     clouds = connection.execute(query).one()._mapping
     hidden = {role: {**cloud, "url": shown(cloud["url"])} for role, cloud in clouds.items()}

@@ -7,12 +7,13 @@ from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, update
+from sqlalchemy.sql.dml import ReturningUpdate
 
 from service.jobs.database import Database
 from service.jobs.intake import Idempotency, accept
 from service.jobs.job import ENDED, JobEvent, JobRow, Outcome, Retention
 from service.jobs.listing import Filter, Place, newest_first
-from service.jobs.rows import count_jobs, find_job, hide_signatures, job_of, record_change
+from service.jobs.rows import count_jobs, find_job, job_of, record_change, record_end
 from service.jobs.tables import events, jobs
 from service.problems import DeadlineError, WorkerLostError, error_problem
 
@@ -102,24 +103,10 @@ class JobStore:
 
     def claim(self, *, lease_s: float) -> JobRow | None:
         """Begin an attempt at the next job, by priority, then age; None when none waits."""
-        first = (
-            select(jobs.c.id)
-            .where(jobs.c.status == "queued")
-            .order_by(jobs.c.priority.desc(), jobs.c.created_at, jobs.c.id)
-            .limit(1)
-            .with_for_update(skip_locked=True)
-            .scalar_subquery()
-        )
         now = time.time()
-        values = {
-            "status": "running",
-            "attempt": jobs.c.attempt + 1,
-            "started_at": now,
-            "lease_until": now + lease_s,
-        }
-        begin = update(jobs).where(jobs.c.id == first, jobs.c.status == "queued").values(**values)
+        times = {"started_at": now, "lease_until": now + lease_s}
         with self._database.write() as connection:
-            row = connection.execute(begin.returning(jobs)).one_or_none()
+            row = connection.execute(_CLAIM, times).one_or_none()
             if row is not None:
                 record_change(connection, row.id)
         return None if row is None else job_of(row)
@@ -217,10 +204,9 @@ class JobStore:
     def _end(self, which: ColumnElement[bool], job_id: str, **values: Any) -> bool:
         now = time.time()
         with self._database.write() as connection:
-            ended = _changed(
+            ended = _updated(
                 connection,
                 which,
-                job_id,
                 finished_at=now,
                 lease_until=None,
                 stage="finished",
@@ -230,7 +216,7 @@ class JobStore:
                 **values,
             )
             if ended:
-                hide_signatures(connection, job_id)
+                record_end(connection, job_id)
         return ended
 
     def _change(self, which: ColumnElement[bool], job_id: str, **values: Any) -> bool:
@@ -241,12 +227,30 @@ class JobStore:
 def _changed(
     connection: Connection, which: ColumnElement[bool], job_id: str, **values: Any
 ) -> bool:
-    changed = connection.execute(update(jobs).where(which).values(**values)).rowcount == 1
+    changed = _updated(connection, which, **values)
     if changed:
         record_change(connection, job_id)
     return changed
 
 
+def _updated(connection: Connection, which: ColumnElement[bool], **values: Any) -> bool:
+    return connection.execute(update(jobs).where(which), values).rowcount == 1
+
+
+def _claim() -> ReturningUpdate[Any]:
+    first = (
+        select(jobs.c.id)
+        .where(jobs.c.status == "queued")
+        .order_by(jobs.c.priority.desc(), jobs.c.created_at, jobs.c.id)
+        .limit(1)
+        .with_for_update(skip_locked=True)
+        .scalar_subquery()
+    )
+    begin = update(jobs).where(jobs.c.id == first, jobs.c.status == "queued")
+    return begin.values(status="running", attempt=jobs.c.attempt + 1).returning(jobs)
+
+
+_CLAIM = _claim()  # built once: that takes as long as to execute it
 _WAITING = {"status": "queued", "lease_until": None, "stage": "queued", "fraction": 0.0}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from importlib.metadata import version
@@ -15,8 +16,13 @@ def work_key(source: CloudInput, target: CloudInput, options: dict[str, Any]) ->
     if source.sha256 is None or target.sha256 is None:
         return None
     return fingerprint(
-        [source.sha256, source.reading, target.sha256, target.reading, options, version("mpe")]
+        [source.sha256, source.reading, target.sha256, target.reading, options, _release()]
     )
+
+
+@functools.cache
+def _release() -> str:
+    return version("mpe")  # looked up in a file: 1 ms
 
 
 def fingerprint(content: Any) -> str:

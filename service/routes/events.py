@@ -16,7 +16,7 @@ from service.dependencies import CurrentService, KnownJob
 from service.jobs.job import JobEvent, is_terminal
 from service.options import EXACT
 from service.schemas import Event
-from service.waiting import LOOK_EVERY_S
+from service.waiting import look_every_s
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
@@ -52,7 +52,7 @@ async def events(
             if not news and await run_in_threadpool(_is_over, service, job.id):
                 return  # removed, or the service stops: the client comes back with Last-Event-ID
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(changed.wait(), LOOK_EVERY_S)
+                await asyncio.wait_for(changed.wait(), look_every_s(service))
 
 
 def _is_over(service: CurrentService, job_id: str) -> bool:

@@ -1,0 +1,80 @@
+"""Waits are ended by what is announced, not by looking from time to time."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import time
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import pytest
+
+from mpe_core import RegistrationOptions
+from service import waiting
+from service.core import Service
+from service.jobs.changes import Changes
+from service.jobs.job import CloudInput, JobRow
+from service.keys import DEFAULT_TENANT
+from service.metrics import Metrics
+from service.running import running_service
+from service.settings import Settings
+from tests.clouds import knot
+
+PATIENCE_S = 240.0
+"""Far longer than a start and a registration take, far shorter than until the next look."""
+
+
+def test_the_end_is_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(waiting, "LOOK_S", 10 * PATIENCE_S)
+
+    async def wait() -> str:
+        with running_service(Settings(data_dir=tmp_path), Metrics()) as service:
+            job_id = _added(service)
+            settled = waiting.settled(service, DEFAULT_TENANT, job_id, 10 * PATIENCE_S)
+            job = await asyncio.wait_for(settled, PATIENCE_S)
+            assert job is not None
+            return job.status
+
+    assert asyncio.run(wait()) == "succeeded"
+
+
+def _added(service: Service) -> str:
+    file = io.BytesIO()
+    np.save(file, knot(300, np.random.default_rng(0)))
+    blob = service.blobs.put([file.getvalue()])
+    cloud = CloudInput(blob.sha256, blob.size)
+    job = JobRow(
+        id=str(uuid4()),
+        tenant=DEFAULT_TENANT,
+        source=cloud,
+        target=cloud,
+        options={name: getattr(RegistrationOptions(), name) for name in ("method", "seed")},
+        created_at=time.time(),
+    )
+    service.store.add(job)
+    service.queue.notify()
+    return job.id
+
+
+def test_who_is_woken_by_what() -> None:
+    async def wake() -> None:
+        changes = Changes()
+        with (
+            changes.watch("a", progress=True) as follows,
+            changes.watch("a", progress=False) as waits,
+            changes.watch("b", progress=False) as elsewhere,
+        ):
+            await asyncio.to_thread(changes.announce, "a", progress=True)
+            await asyncio.wait_for(follows.wait(), PATIENCE_S)
+            assert not waits.is_set()
+            follows.clear()
+            await asyncio.to_thread(changes.announce, "a")
+            await asyncio.wait_for(follows.wait(), PATIENCE_S)
+            assert waits.is_set()
+            assert not elsewhere.is_set()
+            await asyncio.to_thread(changes.announce_stop)
+            await asyncio.wait_for(elsewhere.wait(), PATIENCE_S)
+
+    asyncio.run(wake())
