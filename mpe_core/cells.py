@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from mpe_core.kernels.cells import (
     LAST_CELL,
     bounds,
     cell_means,
+    keys_of_cells,
     nearest_within,
     number_cells,
     sort_by_cell,
@@ -74,30 +76,36 @@ class CellList:
     def __init__(self, points: Points, reach: float) -> None:
         self._origin, self.reach = grid(points, reach)
         self._keys, self._slots, cell_of, counts = number_cells(points, self._origin, self.reach)
-        self.points, self.starts, self.rows = sort_by_cell(points, cell_of, counts)
-        """The cloud in cell order (M, 3), where each cube's points start in it, and the row of the
-        given cloud that each came from."""
+        order = np.argsort(keys_of_cells(self._keys, self._slots, len(counts)))
+        self._columns, self.starts, self.rows = sort_by_cell(
+            points, self._keys, self._slots, cell_of, counts, order
+        )
+        """Where each cube's points start in `points`, and the row of the given cloud that each came
+        from."""
         self.count = len(counts)
         """How many cubes hold points."""
+
+    @cached_property
+    def points(self) -> Points:
+        """(M, 3) the cloud in the order of its cubes."""
+        return np.ascontiguousarray(self._columns.T)
 
     def nearest(self, queries: Points) -> tuple[NDArray[np.int32], Points]:
         """(N,) rows of `points` nearest to queries (N, 3) and their squared distances; -1 and
         infinity where nothing is within reach."""
-        row, squared = nearest_within(
-            queries, self.points, self.starts, self._keys, self._slots, self._origin, self.reach
-        )
+        row, squared = nearest_within(queries, *self._grid())
         return row, squared
 
     def planes(self, queries: Points) -> LocalPlanes:
         """Plane through the points within reach of each query (N, 3)."""
-        return LocalPlanes(
-            *local_planes(
-                queries,
-                self.points,
-                self.starts,
-                self._keys,
-                self._slots,
-                self._origin,
-                self.reach,
-            )
+        return LocalPlanes(*local_planes(queries, *self._grid()))
+
+    def _grid(self) -> tuple[NDArray[np.generic] | np.float32, ...]:
+        return (
+            self._columns,
+            self.starts,
+            self._keys,
+            self._slots,
+            self._origin,
+            self.reach,
         )

@@ -1,8 +1,9 @@
 """Cell lists: points hashed into cubes, for thinning and nearest points.
 
 A grid is four arrays: `keys` (table,) int64 cell key or -1, `slots` (table,) int32 cell number,
-`starts` (cells + 1,) int32, and the points reordered so that cell c holds rows
-starts[c]:starts[c+1].
+`starts` (cells + 1,) int32, and the points' `columns` (3, N), reordered so that cell c holds
+starts[c]:starts[c+1]. Cells are ordered by their keys: those along z follow each other, and what
+lies in three of them is one run of columns, which the compiler turns into vectors.
 """
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ F32 = np.float32
 LAST_CELL = 2**21 - 2
 """A key holds 21 bits an axis."""
 
+FIRST_TABLE = 1024
+"""Slots of a table to begin with; it stays at most half full, and small enough for the processor's
+cache where the cells are few."""
+
 
 @njit("int64(int64, int64, int64)", cache=True, inline="always")
 def cell_key(ix, iy, iz):
@@ -22,10 +27,11 @@ def cell_key(ix, iy, iz):
 
 @njit("int64(int64, int64)", cache=True, inline="always")
 def hash_slot(key, mask):
-    h = key * np.int64(-7046029254386353131)
+    """Where to look first: eight cells along z share a line of the processor's cache."""
+    h = (key >> 3) * np.int64(-7046029254386353131)
     h ^= h >> 32
     h *= np.int64(-4417276706812531889)
-    return (h ^ (h >> 29)) & mask
+    return (((h ^ (h >> 29)) << 3) | (key & 7)) & mask
 
 
 @njit("int64(int64[::1], int64, int64)", cache=True, inline="always")
@@ -37,6 +43,19 @@ def find_slot(keys, key, mask):
     return slot
 
 
+@njit("Tuple((int64[::1], int32[::1]))(int64[::1], int32[::1])", cache=True)
+def doubled(keys, slots):
+    """The table in twice its size."""
+    larger = np.full(2 * keys.shape[0], np.int64(-1))
+    numbers = np.empty(larger.shape[0], np.int32)
+    for old in range(keys.shape[0]):
+        if keys[old] != -1:
+            slot = find_slot(larger, keys[old], larger.shape[0] - 1)
+            larger[slot] = keys[old]
+            numbers[slot] = slots[old]
+    return larger, numbers
+
+
 @njit(
     "Tuple((int64[::1], int32[::1], int32[::1], int32[::1]))"
     "(float32[:, ::1], float32[::1], float32)",
@@ -46,11 +65,8 @@ def number_cells(points, origin, size):
     """Number the occupied cells in order of first appearance: (keys, slots, cell of point,
     counts)."""
     n = points.shape[0]
-    table = 16
-    while table < 2 * n:
-        table *= 2
-    keys = np.full(table, np.int64(-1))
-    slots = np.empty(table, np.int32)
+    keys = np.full(FIRST_TABLE, np.int64(-1))
+    slots = np.empty(FIRST_TABLE, np.int32)
     cell_of = np.empty(n, np.int32)
     counts = np.zeros(n, np.int32)
     inverse = np.float32(1.0) / size
@@ -61,8 +77,11 @@ def number_cells(points, origin, size):
             np.int64((points[i, 1] - origin[1]) * inverse),
             np.int64((points[i, 2] - origin[2]) * inverse),
         )
-        slot = find_slot(keys, key, table - 1)
+        slot = find_slot(keys, key, keys.shape[0] - 1)
         if keys[slot] == -1:
+            if 2 * (cells + 1) > keys.shape[0]:
+                keys, slots = doubled(keys, slots)
+                slot = find_slot(keys, key, keys.shape[0] - 1)
             keys[slot] = key
             slots[slot] = cells
             cells += 1
@@ -71,26 +90,44 @@ def number_cells(points, origin, size):
     return keys, slots, cell_of, counts[:cells]
 
 
+@njit("int64[::1](int64[::1], int32[::1], int64)", cache=True)
+def keys_of_cells(keys, slots, cells):
+    """(cells,) key of each numbered cell."""
+    found = np.empty(cells, np.int64)
+    for slot in range(keys.shape[0]):
+        if keys[slot] != -1:
+            found[slots[slot]] = keys[slot]
+    return found
+
+
 @njit(
-    "Tuple((float32[:, ::1], int32[::1], int32[::1]))(float32[:, ::1], int32[::1], int32[::1])",
+    "Tuple((float32[:, ::1], int32[::1], int32[::1]))"
+    "(float32[:, ::1], int64[::1], int32[::1], int32[::1], int32[::1], int64[::1])",
     cache=True,
 )
-def sort_by_cell(points, cell_of, counts):
-    """Points in cell order: (sorted points, starts, original row of each sorted point)."""
-    starts = np.zeros(counts.shape[0] + 1, np.int32)
-    for c in range(counts.shape[0]):
-        starts[c + 1] = starts[c] + counts[c]
+def sort_by_cell(points, keys, slots, cell_of, counts, order):
+    """Points in the `order` of cells, whose numbers in `slots` become their places in it: (columns,
+    starts, original row of each column)."""
+    cells = counts.shape[0]
+    rank = np.empty(cells, np.int32)
+    starts = np.zeros(cells + 1, np.int32)
+    for c in range(cells):
+        rank[order[c]] = c
+        starts[c + 1] = starts[c] + counts[order[c]]
+    for slot in range(keys.shape[0]):
+        if keys[slot] != -1:
+            slots[slot] = rank[slots[slot]]
     place = starts[:-1].copy()
-    ordered = np.empty_like(points)
+    columns = np.empty((3, points.shape[0]), np.float32)
     rows = np.empty(points.shape[0], np.int32)
     for i in range(points.shape[0]):
-        k = place[cell_of[i]]
-        place[cell_of[i]] = k + 1
-        ordered[k, 0] = points[i, 0]
-        ordered[k, 1] = points[i, 1]
-        ordered[k, 2] = points[i, 2]
+        cell = rank[cell_of[i]]
+        k = place[cell]
+        place[cell] = k + 1
+        for a in range(3):
+            columns[a, k] = points[i, a]
         rows[k] = i
-    return ordered, starts, rows
+    return columns, starts, rows
 
 
 @njit("Tuple((float32[:, ::1], int32[::1]))(float32[:, ::1], float32[::1], float32)", cache=True)
@@ -123,18 +160,51 @@ def gap(step, inside, size):
 
 
 @njit(
+    "UniTuple(int64, 2)(int64, int64, int64, float32, float32, float32, int64[::1], int32[::1],"
+    " int32[::1])",
+    cache=True,
+    inline="always",
+)
+def run(ix, iy, iz, inside, size, limit, keys, slots, starts):
+    """Columns first:last of the cell and its two neighbours along z, but those whose squared
+    distance along z is beyond the limit."""
+    first = last = 0
+    for step in range(-1, 2):
+        if iz + step < 0 or gap(step, inside, size) > limit:
+            continue
+        slot = find_slot(keys, cell_key(ix, iy, iz + step), keys.shape[0] - 1)
+        if keys[slot] != -1:
+            first = first if last else starts[slots[slot]]
+            last = starts[slots[slot] + 1]
+    return first, last
+
+
+@njit(
+    "float32(float32, float32, float32, float32, float32[::1], float32[::1], float32[::1])",
+    cache=True,
+    fastmath=True,
+)
+def least_squared(qx, qy, qz, best, px, py, pz):
+    """The least squared distance from the query, or `best` if that is less."""
+    for j in range(px.shape[0]):
+        dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
+        best = min(best, dx * dx + dy * dy + dz * dz)
+    return best
+
+
+@njit(
     "Tuple((int32[::1], float32[::1]))"
     "(float32[:, ::1], float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1], float32)",
     cache=True,
     parallel=True,
 )
-def nearest_within(queries, points, starts, keys, slots, origin, radius):
-    """Row of the nearest point within `radius` (the cell size) of each query, or -1, and the
+def nearest_within(queries, columns, starts, keys, slots, origin, radius):
+    """Column of the nearest point within `radius` (the cell size) of each query, or -1, and the
     squared distance."""
     n = queries.shape[0]
     nearest = np.full(n, np.int32(-1))
     squared = np.full(n, np.float32(np.inf))
-    mask = keys.shape[0] - 1
+    x, y, z = columns[0], columns[1], columns[2]
     for i in prange(n):
         qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
         fx = np.floor((qx - origin[0]) / radius)
@@ -146,30 +216,26 @@ def nearest_within(queries, points, starts, keys, slots, origin, radius):
         uy = qy - origin[1] - fy * radius
         uz = qz - origin[2] - fz * radius
         best = radius * radius
-        row = np.int32(-1)
+        first = last = 0
         for sx in STEPS:
             gx = gap(sx, ux, radius)
             for sy in STEPS:
                 gy = gx + gap(sy, uy, radius)
-                for sz in STEPS:
-                    ix, iy, iz = np.int64(fx) + sx, np.int64(fy) + sy, np.int64(fz) + sz
-                    if gy + gap(sz, uz, radius) > best or min(ix, iy, iz) < 0:
-                        continue
-                    slot = find_slot(keys, cell_key(ix, iy, iz), mask)
-                    if keys[slot] == -1:
-                        continue
-                    cell = slots[slot]
-                    for j in range(starts[cell], starts[cell + 1]):
-                        dx = points[j, 0] - qx
-                        dy = points[j, 1] - qy
-                        dz = points[j, 2] - qz
-                        d = dx * dx + dy * dy + dz * dz
-                        if d < best or (d == best and (row < 0 or j < row)):
-                            best = d
-                            row = np.int32(j)
-        nearest[i] = row
-        if row >= 0:
-            squared[i] = best
+                ix, iy = np.int64(fx) + sx, np.int64(fy) + sy
+                if gy > best or min(ix, iy) < 0:
+                    continue
+                a, b = run(ix, iy, np.int64(fz), uz, radius, best - gy, keys, slots, starts)
+                least = least_squared(qx, qy, qz, best, x[a:b], y[a:b], z[a:b])
+                if least < best:
+                    best, first, last = least, a, b
+        # the run is known: which of its columns it is
+        best, column = np.float32(np.inf), np.int32(-1)
+        for k in range(first, last):
+            dx, dy, dz = x[k] - qx, y[k] - qy, z[k] - qz
+            d = dx * dx + dy * dy + dz * dz
+            if d < best:
+                best, column = d, np.int32(k)
+        nearest[i], squared[i] = column, best
     return nearest, squared
 
 

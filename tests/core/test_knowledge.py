@@ -103,7 +103,7 @@ def test_viewpoints_settle_the_flip_of_a_thin_part(seed):
 def test_points_of_weight_zero_do_not_mislead(data):
     rng = np.random.default_rng(4)
     rigid = bunny(data, "bun_zipper_res2")
-    passer = 2 * knot(3 * len(rigid), rng)
+    passer = 2 * knot(5 * len(rigid), rng)
     target = np.vstack([rigid, passer + np.array([1.5, 0, 0])])
     R = axis_rotation(rng.normal(size=3), 2.0)
     elsewhere = apply(pose(axis_rotation(UP, 1.0), np.array([-1.0, 0.8, 0.3])), passer)
