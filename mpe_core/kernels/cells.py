@@ -15,7 +15,7 @@ F32 = np.float32
 LAST_CELL = 2**21 - 2
 """A key holds 21 bits an axis."""
 
-FIRST_TABLE = 1024
+FIRST_TABLE = 2**12
 """Slots of a table to begin with; it stays at most half full, and small enough for the processor's
 cache where the cells are few."""
 
@@ -57,6 +57,33 @@ def doubled(keys, slots):
 
 
 @njit(
+    "UniTuple(int64, 2)(float32[:, ::1], float32[::1], float32, int64[::1], int32[::1], int32[::1],"
+    " int32[::1], int64, int64)",
+    cache=True,
+)
+def number_until_half_full(points, origin, size, keys, slots, cell_of, counts, i, cells):
+    """Number the cells of the points from row i on until the table is half full: (next row, number
+    of cells)."""
+    inverse = np.float32(1.0) / size
+    mask = keys.shape[0] - 1
+    while i < points.shape[0] and 2 * cells <= mask:
+        key = cell_key(
+            np.int64((points[i, 0] - origin[0]) * inverse),
+            np.int64((points[i, 1] - origin[1]) * inverse),
+            np.int64((points[i, 2] - origin[2]) * inverse),
+        )
+        slot = find_slot(keys, key, mask)
+        if keys[slot] == -1:
+            keys[slot] = key
+            slots[slot] = cells
+            cells += 1
+        cell_of[i] = slots[slot]
+        counts[slots[slot]] += 1
+        i += 1
+    return i, cells
+
+
+@njit(
     "Tuple((int64[::1], int32[::1], int32[::1], int32[::1]))"
     "(float32[:, ::1], float32[::1], float32)",
     cache=True,
@@ -69,24 +96,12 @@ def number_cells(points, origin, size):
     slots = np.empty(FIRST_TABLE, np.int32)
     cell_of = np.empty(n, np.int32)
     counts = np.zeros(n, np.int32)
-    inverse = np.float32(1.0) / size
-    cells = 0
-    for i in range(n):
-        key = cell_key(
-            np.int64((points[i, 0] - origin[0]) * inverse),
-            np.int64((points[i, 1] - origin[1]) * inverse),
-            np.int64((points[i, 2] - origin[2]) * inverse),
+    i, cells = number_until_half_full(points, origin, size, keys, slots, cell_of, counts, 0, 0)
+    while i < n:
+        keys, slots = doubled(keys, slots)
+        i, cells = number_until_half_full(
+            points, origin, size, keys, slots, cell_of, counts, i, cells
         )
-        slot = find_slot(keys, key, keys.shape[0] - 1)
-        if keys[slot] == -1:
-            if 2 * (cells + 1) > keys.shape[0]:
-                keys, slots = doubled(keys, slots)
-                slot = find_slot(keys, key, keys.shape[0] - 1)
-            keys[slot] = key
-            slots[slot] = cells
-            cells += 1
-        cell_of[i] = slots[slot]
-        counts[slots[slot]] += 1
     return keys, slots, cell_of, counts[:cells]
 
 
