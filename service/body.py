@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from typing import Self
+from collections.abc import AsyncIterator, Callable
+from typing import Self, TypeVar
 
 from fastapi import Request
 from python_multipart.exceptions import FormParserError
@@ -16,6 +16,9 @@ from service.storage import Blob, BlobStore, BlobWriter
 
 MAX_PARTS = 16
 MAX_TEXT_BYTES = 1 << 18
+
+Fields = dict[str, Blob | str]
+Understood = TypeVar("Understood")
 
 
 async def limited(request: Request, limit: int) -> AsyncIterator[bytes]:
@@ -51,13 +54,16 @@ async def read_file(request: Request, blobs: BlobStore, limit: int) -> Blob:
         return await run_in_threadpool(writer.commit)
 
 
-async def read_multipart(request: Request, blobs: BlobStore, limit: int) -> dict[str, Blob | str]:
-    """The fields of a multipart/form-data body: files as stored blobs, the others as text."""
+async def read_multipart(
+    request: Request, blobs: BlobStore, limit: int, understand: Callable[[Fields], Understood]
+) -> Understood:
+    """What is understood from the fields of a multipart/form-data body, in the thread that stores
+    its files: they are blobs by then, the other fields text."""
     _, parameters = parse_options_header(request.headers["content-type"])
     with _Form(parameters.get(b"boundary", b""), blobs) as form:
         async for chunk in limited(request, limit):
             form.feed(chunk)
-        return await run_in_threadpool(form.finish)
+        return await run_in_threadpool(lambda: understand(form.finish()))
 
 
 class _Form:
@@ -99,7 +105,7 @@ class _Form:
         except FormParserError as error:
             raise MalformedBodyError(f"The multipart body is malformed: {error}") from error
 
-    def finish(self) -> dict[str, Blob | str]:
+    def finish(self) -> Fields:
         """Make the files durable; called off the event loop, it waits for the disk."""
         if not self._complete:
             raise MalformedBodyError("The multipart body ends before its closing boundary.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import threading
 from types import FrameType
@@ -58,6 +59,9 @@ def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
     configure_logs(settings.log_level)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     app = create_app(settings)
+    # a full collection would go over all that was imported, and answer nobody for 60 ms
+    gc.collect()
+    gc.freeze()
     config = uvicorn.Config(
         app,
         host=host,

@@ -10,7 +10,7 @@ from fastapi import Request
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from service.body import read_multipart, read_text
+from service.body import Fields, read_multipart, read_text
 from service.clouds import recognised
 from service.core import Service
 from service.errors import invalid_request
@@ -45,8 +45,9 @@ async def read_submission(request: Request, service: Service, tenant: str) -> Su
     content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if content_type == "multipart/form-data":
         limit = service.settings.max_body_bytes
-        form = await read_multipart(request, service.blobs, limit)
-        submission = await run_in_threadpool(_from_form, form, service, tenant)
+        submission = await read_multipart(
+            request, service.blobs, limit, lambda form: _from_form(form, service, tenant)
+        )
     elif content_type == "application/json":
         text = await read_text(request)
         submission = await run_in_threadpool(_from_json, text, service, tenant)
@@ -61,7 +62,7 @@ async def read_submission(request: Request, service: Service, tenant: str) -> Su
     return submission
 
 
-def _from_form(form: dict[str, Blob | str], service: Service, tenant: str) -> Submission:
+def _from_form(form: Fields, service: Service, tenant: str) -> Submission:
     files = {role: form.pop(role, None) for role in CLOUDS}
     fields: dict[str, Any] = {}
     for name, text in form.items():

@@ -90,7 +90,7 @@ async def create(
     service.queue.notify()
     if wait_s is not None:
         job = await settled(service, caller.tenant, job.id, wait_s) or job
-    return await run_in_threadpool(_accepted, job, wait_s, service)
+    return await _accepted(job, wait_s, service)
 
 
 @router.get(
@@ -142,8 +142,7 @@ async def get(
     headers = _applied(wait_s)
     if not is_terminal(job.status):
         headers["Retry-After"] = str(RETRY_AFTER_S)
-    body = await run_in_threadpool(document, job, service.blobs)
-    return Response(body, media_type="application/json", headers=headers)
+    return Response(await _rendered(job, service), media_type="application/json", headers=headers)
 
 
 @router.delete(
@@ -184,7 +183,7 @@ def _new_job(submission: Submission, tenant: str) -> JobRow:
     )
 
 
-def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Response:
+async def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Response:
     headers = {"Location": f"{router.prefix}/{job.id}", **_applied(wait_s)}
     if job.error is not None and job.error["status"] < 500:
         problem = {**job.error, "job": job.id}
@@ -193,11 +192,18 @@ def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Response:
     if not ended:
         headers["Retry-After"] = str(RETRY_AFTER_S)
     return Response(
-        document(job, service.blobs),
+        await _rendered(job, service),
         status_code=200 if ended else 202,
         media_type="application/json",
         headers=headers,
     )
+
+
+async def _rendered(job: JobRow, service: Service) -> bytes:
+    """The job's document; only a result has to be read from the disk."""
+    if job.result_sha256 is None:
+        return document(job, service.blobs)
+    return await run_in_threadpool(document, job, service.blobs)
 
 
 def _applied(wait_s: float | None) -> dict[str, str]:
