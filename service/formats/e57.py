@@ -73,8 +73,11 @@ def _check_header(path: Path) -> None:
         start = xml_at - xml_at % page
         file.seek(start)
         pages = file.read((xml_length // (page - 4) + 2) * page)
-    xml = b"".join(pages[i : i + page - 4] for i in range(0, len(pages), page))
-    if re.search(rb"<!\s*(DOCTYPE|ENTITY)", xml[xml_at - start :]):
+    held = b"".join(pages[i : i + page - 4] for i in range(0, len(pages), page))
+    xml = held[xml_at - start :][:xml_length]
+    if len(xml) < xml_length:
+        raise TruncatedFileError(f"byte {size}: the file ends within its XML")
+    if re.search(rb"<!\s*(DOCTYPE|ENTITY)", xml):
         raise UnsupportedFileError("the XML declares a document type or entities")
 
 

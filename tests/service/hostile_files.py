@@ -12,7 +12,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from tests.service.cloud_files import POINTS, npy, npz, pcd, ply, seeds, text_rows
-from tests.service.scanner_files import e57, las, ptx, scanner_seeds, stl_binary, zipped
+from tests.service.scanner_files import (
+    e57,
+    las,
+    ptx,
+    scanner_seeds,
+    stl_binary,
+    whole_e57,
+    zipped,
+)
 
 ALL = seeds() | scanner_seeds()
 CUTS, FLIPS, COUNTS = 32, 22, 12
@@ -96,6 +104,11 @@ LIES = {
     "e57 XML at 1e18": patched(e57(), 24, "<Q", 10**18),
     "e57 XML of 1e18": patched(e57(), 32, "<Q", 10**18),
     "e57 pages of 0": patched(e57(), 40, "<Q", 0),
+    "e57 ends within its XML": whole_e57(e57()[:2048]),
+    "e57 one point more": whole_e57(e57().replace(b'recordCount="40"', b'recordCount="41"')),
+    "e57 XML cut in a tag": whole_e57(e57().replace(b"<vectorChild ", b"<vectorChild<", 1)),
+    "e57 kind unknown": whole_e57(e57().replace(b'"CompressedVector"', b'"CompressedSector"')),
+    "e57 points elsewhere": whole_e57(e57().replace(b'fileOffset="48"', b'fileOffset="99"')),
     "ply counts 1e17": ply().replace(b"vertex 40", b"vertex " + MANY),
     "ply counts 4e9": ply().replace(b"vertex 40", b"vertex 4000000000"),
     "ply counts one more": ply().replace(b"vertex 40", b"vertex 41"),

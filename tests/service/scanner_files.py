@@ -58,6 +58,31 @@ def e57(scans: int = 1) -> bytes:
         return path.read_bytes()
 
 
+PAGE, HELD = 1024, 1020
+"""Bytes of a page of an E57 file, and those before its checksum."""
+_CRC_32C = [0] * 256
+for _byte in range(256):
+    _rest = _byte
+    for _ in range(8):
+        _rest = _rest >> 1 ^ (0x82F63B78 if _rest & 1 else 0)
+    _CRC_32C[_byte] = _rest
+
+
+def whole_e57(content: bytes) -> bytes:
+    """The content in whole pages, its length and the checksum of each page put right."""
+    padded = content + bytes(-len(content) % PAGE)
+    padded = padded[:16] + struct.pack("<Q", len(padded)) + padded[24:]
+    pages = (padded[at : at + HELD] for at in range(0, len(padded), PAGE))
+    return b"".join(page + _checksum(page) for page in pages)
+
+
+def _checksum(page: bytes) -> bytes:
+    rest = 0xFFFFFFFF
+    for byte in page:
+        rest = rest >> 8 ^ _CRC_32C[(rest ^ byte) & 0xFF]
+    return struct.pack(">I", rest ^ 0xFFFFFFFF)
+
+
 def stl_binary() -> bytes:
     """13 triangles: the first 39 points, three by three."""
     rows = [struct.pack("<3f9fH", 0, 0, 1, *corners, 0) for corners in POINTS[:39].reshape(13, 9)]
