@@ -44,9 +44,9 @@ SIGMAS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16)
 RIGHT = 5.0
 FLOOR = Method("known pairs", "closed form", fit, "fit to the true pairs: the physical limit")
 NEAR = {  # starts: the methods that are given so many, the slower the fewer
-    50: [FLOOR, MPL, MPL_PAPER, MPE, ICP, TRIMMED_ICP, GICP],
-    10: [PCL_LM_ICP, LM_ICP, EM_ICP, FILTERREG],
-    3: [PCL_TRIMMED_ICP],
+    20: [FLOOR, MPL, MPL_PAPER, MPE, ICP, TRIMMED_ICP, GICP],
+    5: [PCL_LM_ICP, LM_ICP, EM_ICP, FILTERREG],
+    2: [PCL_TRIMMED_ICP],
     1: [CPD, GMMREG],
 }
 ANY = [FLOOR, *GLOBAL]

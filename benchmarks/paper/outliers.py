@@ -44,8 +44,8 @@ SEEDS = 50
 RIGHT = 5.0
 PEERS = [KISS, FPFH_RANSAC, FGR]
 NEAR = {  # starts: the methods that are given so many, the slower the fewer
-    10: [MPL, MPL_PAPER, MPE, TRIMMED_ICP, PCL_TRIMMED_ICP, PCL_LM_ICP],
-    3: [LM_ICP, FILTERREG],
+    5: [MPL, MPL_PAPER, MPE, TRIMMED_ICP, PCL_LM_ICP],
+    2: [LM_ICP, PCL_TRIMMED_ICP, FILTERREG],
 }
 MOST_OF_CPD = 950  # beyond it a run takes minutes
 
