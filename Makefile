@@ -14,13 +14,18 @@ FUZZ_SECONDS ?= 300
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-setup: .venv/.installed  ## make .venv and install everything from the lock file
+setup: .venv/.installed .venv/.kernels  ## make .venv and install everything from the lock file
 
 .venv/.installed: requirements-dev.lock pyproject.toml Makefile
 	@tools/install_system_packages $(SYSTEM_LIBRARIES)
 	@test -x $(PY) || python3 -m venv .venv
 	$(PY) -m pip install --quiet --require-hashes -r requirements-dev.lock
 	$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# numba's cache does not see that a kernel of another file, compiled into this one, has changed
+.venv/.kernels: .venv/.installed $(wildcard mpe_core/kernels/*.py)
+	@rm -f mpe_core/kernels/__pycache__/*.nb[ic]
 	$(PY) -c 'from mpe_core import register'  # compiles the kernels into the cache
 	@touch $@
 

@@ -201,7 +201,9 @@ def _warnings(
             f" {trust.sharp:.0%} of these more than by chance lie on its surface; the clouds may"
             " overlap too little, or show different things"
         )
-        mismatch = unit_mismatch(radius(pair.source), radius(pair.target))
+        mismatch = unit_mismatch(
+            radius(source.heavy(pair.source)), radius(target.heavy(pair.target))
+        )
         texts += [mismatch] if mismatch else []
     if rivals:
         texts.append(
