@@ -73,22 +73,14 @@ def register(
         scans = _scans(x, y, pair, options)
         report(0.8)
         alignment = Alignment(*scans, Knowledge.of(options, pair), options)
-    if options.method == "mpl" and options.search == "global":
-        best, *others = align(alignment, progress)
-    else:
-        if x.weights is not None or y.weights is not None:
-            raise InvalidOptionsError('weights need method "mpl" with search "global"')
-        printed = _as_printed(pair, options, progress)
-        best, others = Aligned(printed, alignment.judge(printed.T)), []
+    best, *others = _aligned(alignment, pair, options, progress)
     polished, trust = best.polished, best.evidence
     with progress.stage("refine"):
         known = alignment.uncertainty(polished).in_unit(pair.unit)
     with progress.stage("inliers"):
         distance = alignment.distances(polished.T)
-        threshold = options.inlier_threshold or pair.unit * inlier_threshold(
-            distance, options.overlap, alignment.spacing()
-        )
-        inliers = _inliers(x, y, pair, polished.T, threshold)
+        threshold = inlier_threshold(distance, options.overlap, alignment.spacing()) * pair.unit
+        inliers = _inliers(x, y, pair, polished.T, options.inlier_threshold or threshold)
     return Registration(
         T_target_source=pair.to_caller(polished.T),
         inliers=inliers,
@@ -100,9 +92,7 @@ def register(
         confidence=trust.confidence,
         accepted=trust.accepted,
         ambiguous=len(others) > 0,
-        alternatives=np.array([pair.to_caller(other.polished.T) for other in others]).reshape(
-            -1, 4, 4
-        ),
+        alternatives=_in_caller_frames(pair, others),
         covariance=known.covariance,
         free_directions=known.free,
         warnings=_warnings(x, y, pair, polished, len(inliers), trust, len(others), known),
@@ -129,6 +119,18 @@ def _scans(x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions) -> tupl
         for cloud, points, viewpoint in zip((x, y), (pair.source, pair.target), views, strict=True)
     ]
     return found[0], found[1]
+
+
+def _aligned(
+    alignment: Alignment, pair: Pair, options: RegistrationOptions, progress: Progress
+) -> list[Aligned]:
+    """The pose, then those that fit as well."""
+    if options.method == "mpl" and options.search == "global":
+        return align(alignment, progress)
+    if alignment.source.weights is not None or alignment.target.weights is not None:
+        raise InvalidOptionsError('weights need method "mpl" with search "global"')
+    printed = _as_printed(pair, options, progress)
+    return [Aligned(printed, alignment.judge(printed.T))]
 
 
 def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) -> Polished:
@@ -163,6 +165,11 @@ def _mpe(
     if options.field == "exact":
         return descend(source, ExactField(pair.target, EPS), most, report)
     return descend(source[tree_order(source)], TreeField(pair.target, EPS), most, report)
+
+
+def _in_caller_frames(pair: Pair, found: list[Aligned]) -> NDArray[np.float64]:
+    """(K, 4, 4) the poses between the caller's clouds."""
+    return np.array([pair.to_caller(pose.polished.T) for pose in found]).reshape(-1, 4, 4)
 
 
 def _inliers(

@@ -166,6 +166,27 @@ def cell_means(points, origin, size):
 STEPS = (0, -1, 1)
 
 
+@njit(
+    "UniTuple(float32, 6)(float32, float32, float32, float32[::1], float32)",
+    cache=True,
+    inline="always",
+)
+def cell_around(x, y, z, origin, size):
+    """The cell that holds a point, and where in it the point lies: (fx, fy, fz, ux, uy, uz); not
+    yet whole numbers, because a point far off has none."""
+    fx = np.floor((x - origin[0]) / size)
+    fy = np.floor((y - origin[1]) / size)
+    fz = np.floor((z - origin[2]) / size)
+    return (
+        fx,
+        fy,
+        fz,
+        x - origin[0] - fx * size,
+        y - origin[1] - fy * size,
+        z - origin[2] - fz * size,
+    )
+
+
 @njit("float32(int64, float32, float32)", cache=True, inline="always")
 def gap(step, inside, size):
     """Squared distance along one axis to the cell a step away, from `inside` the middle one; a
@@ -222,14 +243,9 @@ def nearest_within(queries, columns, starts, keys, slots, origin, radius):
     x, y, z = columns[0], columns[1], columns[2]
     for i in prange(n):
         qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        fx = np.floor((qx - origin[0]) / radius)
-        fy = np.floor((qy - origin[1]) / radius)
-        fz = np.floor((qz - origin[2]) / radius)
+        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, radius)
         if min(fx, fy, fz) < -1 or max(fx, fy, fz) > LAST_CELL:
             continue
-        ux = qx - origin[0] - fx * radius
-        uy = qy - origin[1] - fy * radius
-        uz = qz - origin[2] - fz * radius
         best = radius * radius
         first = last = 0
         for sx in STEPS:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.cells import STEPS, gap, run
+from mpe_core.kernels.cells import STEPS, cell_around, gap, run
 
 
 @njit(
@@ -89,12 +89,7 @@ def local_planes(queries, columns, starts, keys, slots, origin, radius):
     x, y, z = columns[0], columns[1], columns[2]
     for i in prange(n):
         qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        fx = np.floor((qx - origin[0]) / radius)
-        fy = np.floor((qy - origin[1]) / radius)
-        fz = np.floor((qz - origin[2]) / radius)
-        ux = qx - origin[0] - fx * radius
-        uy = qy - origin[1] - fy * radius
-        uz = qz - origin[2] - fz * radius
+        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, radius)
         k = sx = sy = sz = np.float32(0.0)
         xx = xy = xz = yy = yz = zz = np.float32(0.0)
         for tx in STEPS:
