@@ -2,10 +2,11 @@
 
 from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
+from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
 from benchmarks.scaling import SCALING
 from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
-    main([KERNELS, PAIRS, CONFIDENCE, SCALING, LOAD], "python -m benchmarks")
+    main([KERNELS, PAIRS, HELD_OUT, CONFIDENCE, SCALING, LOAD], "python -m benchmarks")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,19 @@ def values(rows: Iterable[Row], value: str, **labels: object) -> np.ndarray:
     return np.array(
         [row[value] for row in rows if all(row[key] == label for key, label in labels.items())]
     )
+
+
+def binned(
+    rows: Iterable[Row], value: str, edges: Sequence[float]
+) -> list[tuple[float, float, list[Row]]]:
+    """Neighbouring edges and the rows with the value from the lower to below the upper one, for
+    those that hold any; the last edge belongs to its rows."""
+    rows, last = list(rows), edges[-1]
+    found = [
+        (low, high, [r for r in rows if low <= r[value] < high or r[value] == high == last])
+        for low, high in pairwise(edges)
+    ]
+    return [(low, high, mine) for low, high, mine in found if mine]
 
 
 def measured(result: dict[str, Any]) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,8 +12,10 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.stats import rankdata
 
+from benchmarks.comparison import binned
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.impossible import impossible_pairs
+from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.alignment import Alignment
@@ -23,7 +24,7 @@ from mpe_core.knowledge import Knowledge
 from mpe_core.rigid import apply
 from mpe_core.scan import scan
 from tests.checks import pose_error
-from tests.clouds import Array, moved, real_pair
+from tests.clouds import Array, Pair, moved, real_trial
 
 SEEDS = 3
 IMPOSSIBLE = 120
@@ -39,14 +40,18 @@ def _real() -> list[Result]:
     rows = []
     for number, pair in enumerate(json.loads((DATA / "pairs.json").read_text())):
         for seed in range(SEEDS):
-            trial = real_pair(DATA, pair["id"], seed=seed)
-            found = register(trial.source, trial.target)
-            degrees, shift = pose_error(found.T_target_source, trial.T_target_source, trial.source)
-            right = degrees <= pair["max_rotation_deg"] and shift <= pair["max_translation"]
-            errors = {"right": bool(right), "degrees": degrees, "shift": shift}
             labels = {"case": pair["id"], "kind": "real", "half": number % 2, "seed": seed}
-            rows.append(labels | errors | _judged(trial.source, trial.target, found))
+            rows.append(labels | judged_attempt(pair, seed))
     return rows
+
+
+def judged_attempt(pair: Pair, seed: int) -> Result:
+    """Whether the pose of a pair is right, its errors, and `_judged`."""
+    trial = real_trial(DATA, pair, seed=seed)
+    found = register(trial.source, trial.target)
+    degrees, shift = pose_error(found.T_target_source, trial.T_target_source, trial.source)
+    errors = {"right": is_right(pair, degrees, shift), "degrees": degrees, "shift": shift}
+    return errors | _judged(trial.source, trial.target, found)
 
 
 def _foreign() -> list[Result]:
@@ -97,9 +102,6 @@ def roc_area(score: NDArray[np.float64], right: NDArray[np.bool_]) -> float:
 
 def table(result: Result) -> str:
     rows = result["rows"]
-    wrong = [r for r in rows if not r["right"]]
-    accepted = [r for r in wrong if r["accepted"]]
-    refused = [r for r in rows if r["right"] and not r["accepted"]]
     shapes = [
         (s["shape"], s["fits"], s["accepted"], s["ambiguous"], s["others"])
         for s in result["shapes"]
@@ -109,22 +111,35 @@ def table(result: Result) -> str:
         f"{IMPOSSIBLE} impossible pairs: the source is of another suite that shows something else, "
         "scaled to the size of the target. The model of the confidence may be fitted to the cases "
         "of half 0 (every other pair, every other impossible one), never to those of half 1.\n\n"
-        + markdown(
-            ("cases", "right", "wrong", "area under ROC", "wrong accepted", "right refused"),
-            [
-                _summary("all", rows),
-                _summary("half 0", [r for r in rows if r["half"] == 0]),
-                _summary("half 1", [r for r in rows if r["half"] == 1]),
-                _summary("real pairs", [r for r in rows if r["kind"] == "real"]),
-                _summary("impossible", [r for r in rows if r["kind"] == "impossible"]),
-            ],
+        + verdicts_table(
+            {
+                "all": rows,
+                "half 0": [r for r in rows if r["half"] == 0],
+                "half 1": [r for r in rows if r["half"] == 1],
+                "real pairs": [r for r in rows if r["kind"] == "real"],
+                "impossible": [r for r in rows if r["kind"] == "impossible"],
+            }
         )
         + "\n\nReliability: how many of the poses with this confidence are right.\n\n"
         + markdown(("confidence", "poses", "mean confidence", "right"), _reliability(rows))
-        + f"\n\nWrong, but accepted: {_named(accepted)}.\n\nRight, but refused: {_named(refused)}."
-        + "\n\nShapes that fit on themselves in several ways:\n\n"
+        + f"\n\n{misjudged(rows)}\n\nShapes that fit on themselves in several ways:\n\n"
         + markdown(("shape", "pose fits", "accepted", "ambiguous", "alternatives"), shapes)
     )
+
+
+def verdicts_table(groups: dict[str, list[Result]]) -> str:
+    """A line for each group of judged attempts: how well the verdict tells right from wrong."""
+    return markdown(
+        ("cases", "right", "wrong", "area under ROC", "wrong accepted", "right refused"),
+        [_summary(name, rows) for name, rows in groups.items()],
+    )
+
+
+def misjudged(rows: list[Result]) -> str:
+    """The cases whose verdict is wrong, by name."""
+    accepted = [r for r in rows if r["accepted"] and not r["right"]]
+    refused = [r for r in rows if r["right"] and not r["accepted"]]
+    return f"Wrong, but accepted: {_named(accepted)}.\n\nRight, but refused: {_named(refused)}."
 
 
 def _summary(name: str, rows: list[Result]) -> tuple[object, ...]:
@@ -145,17 +160,10 @@ def _share(chosen: NDArray[np.bool_]) -> str:
     return f"{chosen.sum()}/{len(chosen)} ({chosen.mean():.1%})" if len(chosen) else "-"
 
 
-def _bins(rows: list[Result]) -> list[tuple[float, float, list[Result]]]:
-    """Bounds of the confidence and the cases between them, of the bins that hold any."""
-    ends = (*BINS[:-1], np.nextafter(BINS[-1], 2))
-    found = [(a, b, [r for r in rows if a <= r["confidence"] < b]) for a, b in pairwise(ends)]
-    return [(low, high, mine) for low, high, mine in found if mine]
-
-
 def _reliability(rows: list[Result]) -> list[tuple[object, ...]]:
     return [
         (f"{low:g} to {high:g}", len(mine), _mean(mine, "confidence"), _share(_right(mine)))
-        for low, high, mine in _bins(rows)
+        for low, high, mine in binned(rows, "confidence", BINS)
     ]
 
 
@@ -190,7 +198,7 @@ def draw(result: Result, figure: Figure) -> None:
     ordered = _right(sorted(rows, key=lambda r: -r["confidence"]))
     curve.plot(np.cumsum(~ordered) / (~ordered).sum(), np.cumsum(ordered) / ordered.sum())
     curve.set(xlabel="wrong poses accepted", ylabel="right ones accepted")
-    bins = [mine for _, _, mine in _bins(rows)]
+    bins = [mine for _, _, mine in binned(rows, "confidence", BINS)]
     reliability.plot([0, 1], [0, 1], ":", color="grey")
     reliability.plot(
         *np.transpose([[_mean(b, k) for k in ("confidence", "right")] for b in bins]), "o"

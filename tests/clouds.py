@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from mpe_core.rigid import apply, axis_rotation, inverse, pose, random_rotation
 from service.formats import read_points
 
 Array = NDArray[np.float64]
+Pair = dict[str, Any]
+"""An entry of pairs.json, or one in its shape."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +87,29 @@ def moved(
 
 
 def real_pair(data: Path, name: str, *, largest_deg: float = 180.0, seed: int = 0) -> Trial:
-    """A pair of pairs.json, its source moved by a random motion seeded by the pair and the seed:
-    turned evenly over SO(3), or by up to largest_deg, and moved by up to half the diagonal."""
+    """A pair of pairs.json by its id, as `real_trial`."""
     pairs = {pair["id"]: pair for pair in json.loads((data / "pairs.json").read_text())}
-    source, target = (points_of(data / pairs[name][end]) for end in ("source", "target"))
-    rng = np.random.default_rng([seed, *name.encode()])
+    return real_trial(data, pairs[name], largest_deg=largest_deg, seed=seed)
+
+
+def real_trial(data: Path, pair: Pair, *, largest_deg: float = 180.0, seed: int = 0) -> Trial:
+    """A pair in the shape of pairs.json, its source moved by a random motion seeded by the pair and
+    the seed: turned evenly over SO(3), or by up to largest_deg, and moved by up to half the
+    diagonal."""
+    source, target = (points_of(data / pair[end]) for end in ("source", "target"))
+    rng = np.random.default_rng([seed, *pair["id"].encode()])
     angle = np.radians(rng.uniform(0, largest_deg))
     R = random_rotation(rng) if largest_deg == 180 else axis_rotation(rng.normal(size=3), angle)
     T = motion(source, R, rng)
-    truth = np.array(pairs[name]["T_target_source"])
+    return Trial(apply(T, source), target, true_pose(pair) @ inverse(T))
+
+
+def true_pose(pair: Pair) -> Array:
+    """(4, 4) T_target_source of a pair in the shape of pairs.json."""
+    T = np.array(pair["T_target_source"])
     # some published poses are printed to a few digits: take the nearest rotation
-    truth[:3, :3] = Rotation.from_matrix(truth[:3, :3]).as_matrix()
-    return Trial(apply(T, source), target, truth @ inverse(T))
+    T[:3, :3] = Rotation.from_matrix(T[:3, :3]).as_matrix()
+    return T
 
 
 def motion(cloud: Array, R: Array, rng: np.random.Generator) -> Array:
