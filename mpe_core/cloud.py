@@ -49,10 +49,18 @@ class Cloud:
         """Those of the rows (N, ...) whose points weigh anything."""
         return rows if self.weights is None else rows[self.weights > 0]
 
+    def masses(self) -> NDArray[np.float64] | None:
+        """(M,) weights of the points that weigh anything, over the largest; None where all of these
+        weigh the same."""
+        if self.weights is None:
+            return None
+        K = self.heavy(self.weights)
+        return None if K.min() == K.max() else K / K.max()
+
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Both clouds, each centred on its own centroid, in a common unit of length.
+    """Both clouds, each centred on its own centre of mass, in a common unit of length.
 
     The unit is the smaller of the two radii, so neither stray points nor a large scene around a
     small part set it. Poses of the centred clouds are turned into the caller's by `to_caller`.
@@ -152,10 +160,10 @@ def _as_weights(weights: ArrayLike, count: int, name: str) -> NDArray[np.float64
 
 
 def as_pair(source: Cloud, target: Cloud) -> Pair:
-    """Centre both clouds and scale them by the smaller radius, those of the points that weigh
-    anything."""
-    source_centre = source.heavy(source.points).mean(axis=0)
-    target_centre = target.heavy(target.points).mean(axis=0)
+    """Centre both clouds on their centres of mass and scale them by the smaller radius, that of the
+    points that weigh anything."""
+    source_centre = np.average(source.heavy(source.points), axis=0, weights=source.masses())
+    target_centre = np.average(target.heavy(target.points), axis=0, weights=target.masses())
     x, y = source.points - source_centre, target.points - target_centre
     small, large = sorted((radius(source.heavy(x)), radius(target.heavy(y))))
     unit = max(small, LEAST_RATIO * large)

@@ -32,21 +32,28 @@ def descend(
     field: Field,
     max_iterations: int,
     report: Callable[[float], None],
+    weights: Array | None = None,
 ) -> Descent:
     """Minimum potential energy of the source (N, 3) in the field, from where it lies (Algorithm 1).
 
-    Each iteration turns the cloud about its centroid C by s_R around the torque T and moves it by
+    The weights (N,) are the K_i of Eq. 7, 1 where none are given: they multiply the forces. C is
+    the centre of mass, so a point of weight 2 is two points in one place, and a point of next to no
+    weight moves neither the forces nor the axis of the turn. Only directions matter: the pose is
+    the same for all weights times a constant.
+
+    Each iteration turns the cloud about C by s_R around the torque T and moves it by
     s_t along the gravitational vector S. A vector that points against its last value tells that
     the minimum was crossed, and its step is halved. The paper's pseudocode nests the second test
     in the first and stops when either step is small; its text treats both as independent. We
     follow the text: independent halving until both steps are small.
     """
-    centre, turn, move = source.mean(axis=0), FIRST_TURN, FIRST_MOVE
+    centre, turn, move = np.average(source, axis=0, weights=weights), FIRST_TURN, FIRST_MOVE
+    K = np.float64(1) if weights is None else weights[:, None]
     T, last_torque, last_gravity = np.eye(4), np.zeros(3), np.zeros(3)
     for iteration in range(max_iterations):
         report(iteration / max_iterations)
         points, here = apply(T, source), T[:3, :3] @ centre + T[:3, 3]
-        torque, gravity = traction(points, here, field.force(points))
+        torque, gravity = traction(points, here, K * field.force(points))
         if torque @ last_torque < 0:
             turn /= 2
         if gravity @ last_gravity < 0:

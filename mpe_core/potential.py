@@ -26,23 +26,26 @@ class Field(Protocol):
     """Static field of the target."""
 
     def force(self, points: Array) -> Array:
-        """(N, 3) forces F_i on points (N, 3) (Eq. 7 with K_i = 1)."""
+        """(N, 3) forces F_i on points (N, 3) (Eq. 7 with K_i = 1): a weight of the point multiplies
+        its force."""
 
 
 class ExactField:
     """Static field of the target: forces on any points by the direct sum over all pairs (Eq. 7).
 
-    eps (in the unit of the points) bounds the force of one pair.
+    eps (in the unit of the points) bounds the force of one pair. Each point of the target pulls
+    with its mass (M,), 1 where none are given: the K of Eq. 7 for the fixed cloud.
     """
 
-    def __init__(self, target: Array, eps: float) -> None:
+    def __init__(self, target: Array, eps: float, masses: Array | None = None) -> None:
         self._target = _single(target)
+        self._masses = np.asarray([] if masses is None else masses, np.float32)
         self._eps = np.float32(eps)
 
     def force(self, points: Array) -> Array:
         """(N, 3) forces F_i on points (N, 3)."""
         force = np.empty((3, len(points)))
-        pair_force(_single(points), self._target, self._eps, force)
+        pair_force(_single(points), self._target, self._masses, self._eps, force)
         return force.T
 
 
@@ -53,15 +56,16 @@ class TreeField:
     Quickest for points of which neighbours stand together (`tree.tree_order`); right in any order.
     """
 
-    def __init__(self, target: Array, eps: float) -> None:
-        self._tree = build_tree(_bounded(target))
+    def __init__(self, target: Array, eps: float, masses: Array | None = None) -> None:
+        self._tree = build_tree(_bounded(target), masses)
         self._eps = np.float32(eps)
 
     def force(self, points: Array) -> Array:
         """(N, 3) forces F_i on points (N, 3)."""
         force = np.zeros((3, len(points)))
         tree = self._tree
-        tree_force(_single(points), tree.points, tree.starts, tree.cells, self._eps, OPENING, force)
+        fixed = tree.points, tree.masses, tree.starts, tree.cells
+        tree_force(_single(points), *fixed, self._eps, OPENING, force)
         return force.T
 
 

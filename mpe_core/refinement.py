@@ -34,39 +34,59 @@ def trimmed_icp(
     overlap: float | None,
     max_iterations: int,
     report: Callable[[float], None],
+    source_weights: Array | None = None,
+    target_weights: Array | None = None,
 ) -> Descent:
     """Trimmed ICP (Chetverikov et al. 2005) of the centred source (N, 3), from the pose T.
 
     Minimises e(xi) / xi^(1 + lambda) over the pose and the overlap xi, where e is the mean square
     distance of the xi N source points that are closest to the target. A given overlap stays fixed.
+
+    With weights, 1 where none are given, xi is a share of the source's weight instead of its
+    points, e is the mean weighted by it, and a pair pulls on the pose with the product of the
+    weights of both its points, as it does in the sum of all forces. So a source point of weight 2
+    is two points in one place; a target point is near by where it lies, whatever its weight.
+
     Passes over every 4^k-th source point come first; the last pass sees all of them, and its
     iterations are counted.
     """
+    K = np.ones(len(source)) if source_weights is None else source_weights
+    masses = np.ones(len(target.points)) if target_weights is None else target_weights
     stride = 1
     while len(source) // (4 * stride) >= COARSE:
         stride *= 4
     reach = np.inf
     while True:
-        found, reach = _pass(source[::stride], target, T, reach, overlap, max_iterations, report)
+        some = source[::stride], K[::stride]
+        found, reach = _pass(*some, target, masses, T, reach, overlap, max_iterations, report)
         if stride == 1:
             return found
         T, stride = found.T_target_source, stride // 4
 
 
-def trimmed_count(ordered: Array, count: int, overlap: float | None) -> int:
-    """How many of count points trimmed ICP keeps, by the ascending distances of the closest of
-    them: overlap * count, or, without a given overlap, as many as minimise its objective."""
+def trimmed_count(
+    ordered: Array, total: float, overlap: float | None, weights: Array | None = None
+) -> int:
+    """How many points trimmed ICP keeps, by the ascending distances (M,) of the closest of them,
+    their weights (M,), 1 where none are given, and the total weight of all: about
+    overlap * total, or, without a given overlap, as much as minimises its objective."""
+    w = np.ones(len(ordered)) if weights is None else weights
+    mass = np.cumsum(w)
     if overlap is not None:
-        return min(len(ordered), max(3, round(overlap * count)))
-    first = min(len(ordered), max(3, int(LEAST_OVERLAP * count)))
-    kept = np.arange(first, len(ordered) + 1)
-    mean_square = np.cumsum(ordered**2)[first - 1 :] / kept
-    return int(kept[np.argmin(mean_square / (kept / count) ** (1 + TRIMMING))])
+        nearest = int(np.argmin(np.abs(mass - overlap * total))) + 1
+        return min(len(ordered), max(3, nearest))
+    least = int(np.searchsorted(mass, LEAST_OVERLAP * total, side="right"))
+    first = min(len(ordered), max(3, least))
+    kept = mass[first - 1 :]
+    mean_square = np.cumsum(w * ordered**2)[first - 1 :] / kept
+    return first + int(np.argmin(mean_square / (kept / total) ** (1 + TRIMMING)))
 
 
 def _pass(
     source: Array,
+    K: Array,
     target: Neighbours,
+    masses: Array,
     T: Array,
     reach: float,
     overlap: float | None,
@@ -74,12 +94,13 @@ def _pass(
     report: Callable[[float], None],
 ) -> tuple[Descent, float]:
     """Iterate to rest; also the distance up to which target points matter."""
-    arm = float(np.sqrt(np.mean(source**2) * 3))
+    arm = float(np.sqrt(np.average(source**2, axis=0, weights=K).sum()))
     last_step = np.zeros(6)
     for iteration in range(1, max_iterations + 1):
         report(iteration / max_iterations)
-        rows, nearest, cut = _closest(source, target, T, reach, overlap)
-        last, T = T, fit(source[rows], target.points[nearest])
+        rows, nearest, cut = _closest(source, K, target, T, reach, overlap)
+        pull = K[rows] * masses[nearest]
+        last, T = T, fit(source[rows], target.points[nearest], pull)
         reach = REACH * cut
         step = _step(last, T, arm)
         if np.linalg.norm(step) < STILL:
@@ -91,15 +112,16 @@ def _pass(
 
 
 def _closest(
-    source: Array, target: Neighbours, T: Array, reach: float, overlap: float | None
+    source: Array, K: Array, target: Neighbours, T: Array, reach: float, overlap: float | None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], float]:
     """Rows of the kept source points, of their nearest target points, and the largest distance."""
     distance, nearest = target.nearest(apply(T, source), reach)
     order = np.argsort(distance, kind="stable")
-    found = int(np.searchsorted(distance[order], np.inf))
-    if found < (overlap or LEAST_OVERLAP) * len(source):
-        return _closest(source, target, T, np.inf, overlap)
-    rows = order[: trimmed_count(distance[order[:found]], len(source), overlap)]
+    found = order[: int(np.searchsorted(distance[order], np.inf))]
+    total = float(K.sum())
+    if len(found) < len(source) and K[found].sum() < (overlap or LEAST_OVERLAP) * total:
+        return _closest(source, K, target, T, np.inf, overlap)
+    rows = found[: trimmed_count(distance[found], total, overlap, K[found])]
     return rows, nearest[rows], float(distance[rows[-1]])
 
 

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.alignment import Aligned, Alignment, align
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
-from mpe_core.descent import EPS, Descent, descend
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
 from mpe_core.knowledge import Knowledge
-from mpe_core.neighbours import Neighbours, nearest_rows
+from mpe_core.neighbours import nearest_rows
 from mpe_core.options import RegistrationOptions
+from mpe_core.paper import as_printed
 from mpe_core.polish import Polished
-from mpe_core.potential import ExactField, TreeField, p2_energy
+from mpe_core.potential import p2_energy
 from mpe_core.progress import Progress, Report
-from mpe_core.refinement import trimmed_icp
 from mpe_core.result import Inliers, Registration
 from mpe_core.rigid import apply
 from mpe_core.scan import Scan, scan
-from mpe_core.sparse_search import sparse_mpe
 from mpe_core.surface import VOXEL
-from mpe_core.tree import tree_order
 from mpe_core.uncertainty import Uncertainty
 from mpe_core.units import unit_mismatch
 
@@ -49,7 +44,8 @@ def register(
     """Rigid pose that lays the source (N, 3) on the target (M, 3).
 
     source_weights (N,) and target_weights (M,), 0 or more, say how much each point counts (K_i of
-    the paper); points of weight 0 have no say in the pose, but may be inliers.
+    the paper), by every method, beside the others of its cloud: their unit does not matter. Points
+    of weight 0 have no say in the pose, but may be inliers.
 
     on_progress(stage, fraction of the whole in [0, 1]) is called between stages and between the
     iterations of long ones; what it raises ends the registration. The input is never changed, rows
@@ -73,7 +69,7 @@ def register(
         scans = _scans(x, y, pair, options)
         report(0.8)
         alignment = Alignment(*scans, Knowledge.of(options, pair), options)
-    best, *others = _aligned(alignment, pair, options, progress)
+    best, *others = _aligned(alignment, x, y, pair, options, progress)
     polished, trust = best.polished, best.evidence
     with progress.stage("refine"):
         known = alignment.uncertainty(polished).in_unit(pair.unit)
@@ -122,49 +118,18 @@ def _scans(x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions) -> tupl
 
 
 def _aligned(
-    alignment: Alignment, pair: Pair, options: RegistrationOptions, progress: Progress
+    alignment: Alignment,
+    x: Cloud,
+    y: Cloud,
+    pair: Pair,
+    options: RegistrationOptions,
+    progress: Progress,
 ) -> list[Aligned]:
     """The pose, then those that fit as well."""
     if options.method == "mpl" and options.search == "global":
         return align(alignment, progress)
-    if alignment.source.weights is not None or alignment.target.weights is not None:
-        raise InvalidOptionsError('weights need method "mpl" with search "global"')
-    printed = _as_printed(pair, options, progress)
+    printed = as_printed(x, y, pair, options, progress)
     return [Aligned(printed, alignment.judge(printed.T))]
-
-
-def _as_printed(pair: Pair, options: RegistrationOptions, progress: Progress) -> Polished:
-    """The paper's methods: "mpe" on all points, or "mpl" with a sparse search and trimmed ICP."""
-    most, start = options.max_iterations, np.eye(4)
-    if options.initial_transform is not None:
-        start = pair.from_caller(np.array(options.initial_transform))
-    source = apply(start, pair.source)
-    with progress.stage("search") as report:
-        if options.method == "mpe":
-            found = _mpe(source, pair, options, report)
-        else:
-            size, seed = options.sample_size, options.seed
-            found = sparse_mpe(source, pair.target, size, most, seed, report)
-    with progress.stage("refine") as report:
-        if options.method == "mpl":
-            neighbours, T = Neighbours(pair.target), found.T_target_source
-            found = trimmed_icp(source, neighbours, T, options.overlap, most, report)
-    return Polished(
-        found.T_target_source @ start, found.converged, found.iterations, by_planes=True
-    )
-
-
-def _mpe(
-    source: NDArray[np.float64],
-    pair: Pair,
-    options: RegistrationOptions,
-    report: Callable[[float], None],
-) -> Descent:
-    """Algorithm 1 from where the source (N, 3) lies."""
-    most = options.max_iterations
-    if options.field == "exact":
-        return descend(source, ExactField(pair.target, EPS), most, report)
-    return descend(source[tree_order(source)], TreeField(pair.target, EPS), most, report)
 
 
 def _in_caller_frames(pair: Pair, found: list[Aligned]) -> NDArray[np.float64]:

@@ -56,9 +56,9 @@ class Registration:
     has infinitely many."""
     covariance: NDArray[np.float64]
     """(6, 6) of the error of the pose as a small motion: rotation vector (radians) about the moved
-    source's centroid, then translation (the input's unit), along the target's axes. It covers noise
-    and misfit, not a wrong minimum; along free directions it says a radian or a radius of the
-    smaller cloud."""
+    source's centroid (weighted as its points are), then translation (the input's unit), along the
+    target's axes. It covers noise and misfit, not a wrong minimum; along free directions it says a
+    radian or a radius of the smaller cloud."""
     free_directions: NDArray[np.float64]
     """(K, 6) such motions that nothing resists, because the surfaces slide on themselves: none for
     most shapes, one along a street, three for a plane or a sphere."""

@@ -9,9 +9,16 @@ from mpe_core.kernels.farthest import farthest_order
 
 
 def random_rows(
-    points: NDArray[np.float64], count: int, rng: np.random.Generator
+    points: NDArray[np.float64],
+    count: int,
+    rng: np.random.Generator,
+    weights: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """(min(count, N), 3) rows drawn evenly without replacement, in their first order."""
+    """(min(count, N), 3) rows drawn evenly without replacement, in their first order; with weights
+    (N,) count rows, each as often as its share of them asks for."""
+    if weights is not None:
+        mixed = rng.permutation(len(points))
+        return points[np.sort(mixed[proportional_rows(weights[mixed], count)])]
     if count >= len(points):
         return points
     return points[np.sort(rng.choice(len(points), count, replace=False))]

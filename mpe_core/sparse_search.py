@@ -21,8 +21,15 @@ def sparse_mpe(
     max_iterations: int,
     seed: int,
     report: Callable[[float], None],
+    source_weights: Array | None = None,
+    target_weights: Array | None = None,
 ) -> Descent:
-    """Coarse pose of the centred, scaled clouds (N, 3), (M, 3) from sample_size points of each."""
+    """Coarse pose of the centred, scaled clouds (N, 3), (M, 3) from sample_size points of each.
+
+    Weights (N,), (M,) say how often a point is drawn, and all that are drawn pull alike: the few
+    points of the sample are spent where they count.
+    """
     rng = np.random.default_rng(seed)
-    x, y = random_rows(source, sample_size, rng), random_rows(target, sample_size, rng)
+    x = random_rows(source, sample_size, rng, source_weights)
+    y = random_rows(target, sample_size, rng, target_weights)
     return descend(x, ExactField(y, EPS), max_iterations, report)

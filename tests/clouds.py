@@ -86,6 +86,16 @@ def moved(
     return Trial(apply(T, np.vstack([source, stray])), cloud, inverse(T))
 
 
+def with_passer(cloud: Array, count: int, rng: np.random.Generator) -> Trial:
+    """The cloud, turned by 40 degrees, and as the last `count` points of both clouds something
+    nearly as large that went elsewhere meanwhile."""
+    passer = 0.6 * knot(count, rng)
+    target = np.vstack([cloud, passer + np.array([1.0, 0.1, 0.3])])
+    source = np.vstack([cloud, passer + np.array([-1.2, 0.8, -0.4])])
+    away = motion(source, axis_rotation(rng.normal(size=3), np.radians(40)), rng)
+    return Trial(apply(away, source), target, inverse(away))
+
+
 def real_pair(data: Path, name: str, *, largest_deg: float = 180.0, seed: int = 0) -> Trial:
     """A pair of pairs.json by its id, as `real_trial`."""
     pairs = {pair["id"]: pair for pair in json.loads((data / "pairs.json").read_text())}

@@ -17,17 +17,18 @@ GROUP = 32
 leaves of 16 / 32 / 64 points: 0.47 / 0.44 / 0.59; groups of 64 with leaves of 32 0.64."""
 
 HALF, TWO = np.float32(0.5), np.float32(2)
-COLUMNS = 10  # of a cell that the far sum reads: centroid, count, second moments
+COLUMNS = 10  # of a cell that the far sum reads: centre of mass, mass, second moments
 RADIUS = 10
 STACK = 64  # one entry a level, and a level halves the points
 
 
 @njit("UniTuple(f4, 3)(f4, f4, f4, f4, f4[:, ::1], int64)", **FAST)
 def _cell_force(x, y, z, eps2, cells, count):
-    """Pull of cells on one point: each as its Taylor series about its centroid, to second order.
+    """Pull of cells on one point: each as its Taylor series about its centre of mass, to second
+    order.
 
     f(d) = g(s) d with s = |d|^2 and g = 1 / (sqrt(s) (s + eps^2)) is the force of one pair; sums
-    of it over a cell are count f + (Q : d d / d^2) f / 2, Q the second moments.
+    of it over a cell are mass f + (Q : d d / d^2) f / 2, Q the second moments.
     """
     fx, fy, fz = np.float32(0), np.float32(0), np.float32(0)
     for j in range(count):
@@ -62,14 +63,16 @@ def _ball(x, start, end):
 
 
 @njit(
-    "void(f4[:, ::1], int64, int64, f4[:, ::1], int64[::1], f4[:, ::1], f4, f4, f8[:, ::1])",
+    "void(f4[:, ::1], int64, int64, f4[:, ::1], f4[::1], int64[::1], f4[:, ::1], f4, f4,"
+    " f8[:, ::1])",
     **FAST,
 )
-def _group_force(x, start, end, y, starts, cells, eps2, opening, force):
+def _group_force(x, start, end, y, mass, starts, cells, eps2, opening, force):
     """Forces on the rows start:end of x."""
     cx, cy, cz, radius = _ball(x, start, end)
     first_leaf = starts.shape[0] - 2
     near, far = np.empty((3, BLOCK), np.float32), np.empty((COLUMNS, BLOCK), np.float32)
+    near_mass = np.empty(min(BLOCK, mass.shape[0]), np.float32)
     stack = np.zeros(STACK, np.int64)
     top, points, far_cells = 1, 0, 0
     while top > 0:
@@ -86,6 +89,7 @@ def _group_force(x, start, end, y, starts, cells, eps2, opening, force):
         else:
             a, b = starts[k - first_leaf], starts[k - first_leaf + 1]
             near[:, points : points + b - a] = y[:, a:b]
+            near_mass[points : points + b - a] = mass[a:b]
             points += b - a
         if points > BLOCK - GROUP or top == 0:
             for i in range(start, end):
@@ -97,6 +101,7 @@ def _group_force(x, start, end, y, starts, cells, eps2, opening, force):
                     near[0, :points],
                     near[1, :points],
                     near[2, :points],
+                    near_mass[:points],
                 )
                 force[0, i] += fx
                 force[1, i] += fy
@@ -112,21 +117,22 @@ def _group_force(x, start, end, y, starts, cells, eps2, opening, force):
 
 
 @njit(
-    "void(f4[:, ::1], f4[:, ::1], int64[::1], f4[:, ::1], f4, f4, f8[:, ::1])",
+    "void(f4[:, ::1], f4[:, ::1], f4[::1], int64[::1], f4[:, ::1], f4, f4, f8[:, ::1])",
     parallel=True,
     **FAST,
 )
-def tree_force(x, y, starts, cells, eps, opening, force):
-    """force[:, i] = -sum_j n_ij / (|x_i - y_j|^2 + eps^2), Eq. 7 with K_i = 1, where a cell whose
-    radius is below `opening` times its distance from the rows stands for its points.
+def tree_force(x, y, mass, starts, cells, eps, opening, force):
+    """force[:, i] = -sum_j m_j n_ij / (|x_i - y_j|^2 + eps^2), Eq. 7 with K_i = 1, where a cell
+    whose radius is below `opening` times its distance from the rows stands for its points.
 
-    y (3, M) in the order of the tree, whose leaf l holds starts[l]:starts[l + 1], at most GROUP
-    points; cells (2 leaves - 1, 11) in the order of a heap: centroid, count, second moments about
-    it (xx xy xz yy yz zz), radius. `force` must come as zeros.
+    y (3, M) and mass (M,), empty where all m_j are 1, in the order of the tree, whose leaf l holds
+    starts[l]:starts[l + 1], at most GROUP points; cells (2 leaves - 1, 11) in the order of a heap:
+    centre of mass, mass, second moments about it (xx xy xz yy yz zz), radius. `force` must
+    come as zeros.
     """
     count = x.shape[1]
     for group in prange((count + GROUP - 1) // GROUP):
         start = group * GROUP
         _group_force(
-            x, start, min(start + GROUP, count), y, starts, cells, eps * eps, opening, force
+            x, start, min(start + GROUP, count), y, mass, starts, cells, eps * eps, opening, force
         )

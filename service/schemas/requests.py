@@ -77,9 +77,10 @@ class Reading(StrictModel):
     )
     weights: Annotated[str, StringConstraints(pattern=r"^[^\x00]{1,256}$")] | None = Field(
         default=None,
-        description="Name of the attribute of the file that says how much each point counts, a "
-        "number of 0 or more; points of 0 have no say in the pose. In PLY, PCD, LAS, LAZ, text "
-        "with named columns, NPY with fields, NPZ. null: all count the same.",
+        description="Name of the attribute of the file that says how much each point counts beside "
+        "the others, to any method: a number of 0 or more; points of 0 have no say in the pose. In "
+        "PLY, PCD, LAS, LAZ, text with named columns, NPY with fields, NPZ. null: all count the "
+        "same.",
     )
 
 

@@ -60,9 +60,9 @@ class Result(Document):
     )
     covariance: Annotated[list[Motion], Field(min_length=6, max_length=6)] = Field(
         description="6x6 covariance of the error of the pose as a small motion: rotation vector "
-        "about the moved source's centroid in radians, then translation in the input's unit, along "
-        "the target's axes. It covers noise and misfit, not a wrong pose; along free directions it "
-        "says a radian or a radius of the smaller cloud."
+        "about the moved source's centroid (weighted as its points are) in radians, then "
+        "translation in the input's unit, along the target's axes. It covers noise and misfit, not "
+        "a wrong pose; along free directions it says a radian or a radius of the smaller cloud."
     )
     free_directions: list[Motion] = Field(
         description="Such motions that nothing resists, because the surfaces slide on themselves: "

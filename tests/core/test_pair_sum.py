@@ -8,12 +8,12 @@ from mpe_core.potential import ExactField, p2_energy, traction
 from mpe_core.rigid import apply, axis_rotation, pose
 
 
-def force_twin(x, y, eps):
-    """Eq. 7 written down: F_i = - sum_j n_ij / (|x_i - y_j|^2 + eps^2)."""
+def force_twin(x, y, eps, masses):
+    """Eq. 7 written down: F_i = - sum_j m_j n_ij / (|x_i - y_j|^2 + eps^2)."""
     R = x[:, None] - y[None]
     r2 = (R**2).sum(axis=2)
     n = R / np.maximum(np.sqrt(r2), 1e-300)[:, :, None]
-    return -(n / (r2 + eps**2)[:, :, None]).sum(axis=1)
+    return -(n * (masses / (r2 + eps**2))[:, :, None]).sum(axis=1)
 
 
 @pytest.mark.parametrize("counts", [(1, 1), (5, 3), (300, 1024), (64, 1025), (200, 5000)])
@@ -21,11 +21,13 @@ def force_twin(x, y, eps):
 def test_force_is_the_double_sum(counts, eps):
     rng = np.random.default_rng(counts)
     x, y = rng.normal(size=(counts[0], 3)), rng.normal(size=(counts[1], 3))
-    exact = force_twin(x, y, eps)
-    # float32 rounds each pair to 1e-6 of itself: the bound is on the sum of the magnitudes
-    scale = (1 / (((x[:, None] - y[None]) ** 2).sum(axis=2) + eps**2)).sum(axis=1)
-    error = np.abs(ExactField(y, eps).force(x) - exact).max(axis=1)
-    assert (error < 3e-6 * scale + 1e-6 * np.abs(exact).max()).all()
+    for given in (None, rng.lognormal(0, 3, counts[1])):
+        masses = np.ones(counts[1]) if given is None else given
+        exact = force_twin(x, y, eps, masses)
+        # float32 rounds each pair to 1e-6 of itself: the bound is on the sum of the magnitudes
+        scale = (masses / (((x[:, None] - y[None]) ** 2).sum(axis=2) + eps**2)).sum(axis=1)
+        error = np.abs(ExactField(y, eps, given).force(x) - exact).max(axis=1)
+        assert (error < 3e-6 * scale + 1e-6 * np.abs(exact).max()).all()
 
 
 def test_one_pair_attracts_along_its_line():

@@ -26,6 +26,10 @@ def test_force_is_the_double_sum(counts, eps):
     x, y = knot(counts[0], rng) + 0.1, knot(counts[1], rng)
     # a third-order term of the series: (radius / distance)^3 = 0.008, with signs that cancel
     assert off(TreeField(y, eps).force(x), ExactField(y, eps).force(x)) < 2e-4
+    masses = rng.lognormal(0, 2, counts[1])  # a few weigh most
+    exact = ExactField(y, eps, masses).force(x)
+    assert off(TreeField(y, eps, masses).force(x), exact) < 2e-4
+    assert off(TreeField(y, eps).force(x), exact) > 0.01 or counts[1] == 1
 
 
 def test_without_cells_afar_it_is_the_exact_sum(monkeypatch):
@@ -87,23 +91,28 @@ def test_the_bits_do_not_depend_on_the_threads():
 
 @pytest.mark.parametrize("count", [1, 32, 33, 1000])
 def test_cells_are_what_they_stand_for(count):
-    cloud = knot(count, np.random.default_rng(8))
-    tree = build_tree(cloud)
+    rng = np.random.default_rng(8)
+    cloud, masses = knot(count, rng), rng.lognormal(0, 2, count)
+    tree = build_tree(cloud, masses)
     leaves = len(tree.starts) - 1
     assert np.diff(tree.starts).max() <= GROUP
     assert len(tree.cells) == 2 * leaves - 1
-    np.testing.assert_allclose(np.sort(tree.points[0]), np.sort(cloud[:, 0]).astype(np.float32))
+    kept = np.vstack([tree.points, tree.masses]).T
+    rows = np.column_stack([cloud, masses]).astype(np.float32)
+    np.testing.assert_array_equal(sorted(kept.tolist()), sorted(rows.tolist()))
     for cell, start, end in (
         (0, 0, count),
         *((leaves - 1 + k, tree.starts[k], tree.starts[k + 1]) for k in range(leaves)),
     ):
-        points = tree.points[:, start:end].astype(np.float64)
-        centroid = points.mean(axis=1)
-        arm = points - centroid[:, None]
-        np.testing.assert_allclose(tree.cells[cell, :3], centroid, atol=1e-6)
-        assert tree.cells[cell, 3] == end - start
-        expected = (arm @ arm.T)[np.triu_indices(3)]
-        np.testing.assert_allclose(tree.cells[cell, 4:10], expected, atol=1e-4)
+        points, mass = (
+            rows[..., start:end].astype(np.float64) for rows in (tree.points, tree.masses)
+        )
+        centre = np.average(points, axis=1, weights=mass)
+        arm = points - centre[:, None]
+        np.testing.assert_allclose(tree.cells[cell, :3], centre, atol=1e-6)
+        assert tree.cells[cell, 3] == pytest.approx(mass.sum(), rel=1e-6)
+        expected = ((mass * arm) @ arm.T)[np.triu_indices(3)]
+        np.testing.assert_allclose(tree.cells[cell, 4:10], expected, atol=1e-6 * mass.sum())
         assert tree.cells[cell, 10] == pytest.approx(
             np.linalg.norm(arm, axis=0).max(), abs=2e-5, rel=1e-5
         )

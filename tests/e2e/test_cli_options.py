@@ -44,10 +44,13 @@ def test_what_is_known_as_arguments(capsys: pytest.CaptureFixture[str], tmp_path
         assert_pose_close(T, inverse(away), source, degrees=0.5, shift=0.01)
 
 
-def test_weights_as_arguments(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", [(), ("--search", "sparse")], ids=["default", "sparse"])
+def test_weights_as_arguments(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...]
+) -> None:
     doubled(tmp_path)
     files = tmp_path / "source.ply", tmp_path / "target.ply"
-    found = aligned(capsys, *files, "--source-weights", "second")
+    found = aligned(capsys, *files, "--source-weights", "second", *words)
     np.testing.assert_allclose(np.array(found["transform"])[:3, 3], -SHIFT, atol=0.004)
 
 
@@ -59,7 +62,6 @@ def test_weights_as_arguments(capsys: pytest.CaptureFixture[str], tmp_path: Path
         (["--initial-transform", "FOLDER/three.txt"], "initial_transform must be 4 x 4"),
         (["--source-gravity", "0", "0", "-1"], "target_gravity: give both"),
         (["--source-weights", "mass"], "no attribute 'mass'"),
-        (["--source-weights", "first", "--method", "mpe"], 'weights need method "mpl"'),
     ],
 )
 def test_mistakes_in_arguments_are_told(

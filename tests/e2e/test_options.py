@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from mpe_core.rigid import apply, axis_rotation, inverse, pose
 from service.formats import write_ply
-from tests.checks import assert_pose_close
-from tests.clouds import knot, motion, room, sheet, turned_over
+from tests.checks import assert_pose_close, pose_error
+from tests.clouds import bunny, knot, motion, room, sheet, turned_over, with_passer
 from tests.server import Server, finished
 
 Array = NDArray[np.float64]
@@ -198,7 +198,6 @@ def test_what_makes_no_sense_is_told(
     ("options", "weights", "kind", "words"),
     [
         ({"voxel_size": 5}, {}, "invalid-options", "at most a fifth and at least a thousandth"),
-        ({"method": "mpe"}, {"source": "good"}, "invalid-options", 'weights need method "mpl"'),
         ({}, {"source": "absent"}, "invalid-weights", "'absent'"),
         ({}, {"target": "word"}, "invalid-weights", "target: attribute 'word' is of type <U"),
         ({}, {"target": "below"}, "invalid-weights", "below 0"),
@@ -241,6 +240,26 @@ def doubled(folder: Path) -> dict[str, bytes]:
         "csv": "\n".join(["x,y,z,first,second", *lines, ""]).encode(),
         "target": npz(target),
     }
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"method": "mpe"}, {"method": "mpe", "field": "exact"}, {"method": "mpl", "search": "sparse"}],
+)
+def test_the_paper_s_methods_follow_what_weighs(
+    server: Server, data: Path, options: dict[str, Any]
+) -> None:
+    count = 400
+    trial = with_passer(bunny(data, "bun_zipper_res4"), count, np.random.default_rng(5))
+    still = np.repeat([1.0, 0.001], [len(trial.source) - count, count])
+    files = npz(trial.source, still=still), npz(trial.target, still=still)
+    weights = {"source": "still", "target": "still"}
+    alone = np.array(result_of(submitted(server, *files, options))["transform"])
+    found = np.array(result_of(submitted(server, *files, options, weights))["transform"])
+    body = trial.source[:-count]
+    # the last step of the turn, 0.06 degrees, and the bias of the radial S, 0.1, twice
+    assert_pose_close(found, trial.T_target_source, body, degrees=0.3, shift=0.01)
+    assert pose_error(alone, trial.T_target_source, body)[0] > 10
 
 
 @pytest.mark.parametrize("format", ["ply", "npz", "csv"])
