@@ -20,7 +20,8 @@ OVERLAPS = (0.15, 0.2, ASKED, 0.4, 0.6, 0.8, 1.0)
 def run() -> Result:
     pairs = composed_pairs()
     judged = [
-        {"case": pair["id"], "overlap": pair["overlap"]} | judged_attempt(pair, 0) for pair in pairs
+        {"case": pair["id"], "asked": pair["overlap"] >= ASKED} | judged_attempt(pair, 0)
+        for pair in pairs
     ]
     rows = attempts(METHODS, pairs)
     return {"rows": rows, "methods": described(METHODS), "judged": judged}
@@ -32,7 +33,7 @@ def table(result: Result) -> str:
         for wanted in (True, False)
     )
     judged = result["judged"]
-    lost = [r for r in judged if r["overlap"] >= ASKED and not r["right"]]
+    lost = [r for r in judged if r["asked"] and not r["right"]]
     return (
         f"Pairs that pairs.json does not list: where a chain of its pairs leads from one cloud to "
         "another, their poses are composed (A on B and B on C give A on C), both ways round. The "
@@ -50,8 +51,8 @@ def table(result: Result) -> str:
         "## What MPL says of its poses\n\n"
         + verdicts_table(
             {
-                f"overlap of {ASKED} or more": [r for r in judged if r["overlap"] >= ASKED],
-                "less": [r for r in judged if r["overlap"] < ASKED],
+                f"overlap of {ASKED} or more": [r for r in judged if r["asked"]],
+                "less": [r for r in judged if not r["asked"]],
             }
         )
         + f"\n\n{misjudged(judged)}"
@@ -63,8 +64,7 @@ def _count(result: Result) -> int:
 
 
 def _named(rows: list[Result]) -> str:
-    found = [f"{r['case']} ({r['degrees']:.2g} degrees, {r['shift']:.2g})" for r in rows]
-    return "; ".join(found) or "none"
+    return "; ".join(f"{r['case']} ({r['degrees']:.3g} degrees off)" for r in rows) or "none"
 
 
 def draw(result: Result, figure: Figure) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
+from benchmarks import held_out
 from benchmarks.comparison import binned
 from benchmarks.held_out import ASKED, OVERLAPS, table
 from benchmarks.methods import MPL, Method
@@ -26,6 +27,11 @@ def row(name, overlap, right, suite="dragon"):
         "shift": 0.01,
         "seconds": 0.25,
     }
+
+
+def judged_row(case, *, asked, right):
+    errors = {"right": right, "degrees": 0.5, "shift": 0.01}
+    return {"case": case, "asked": asked, "confidence": 0.6, "accepted": True} | errors
 
 
 def cells(text):
@@ -71,8 +77,9 @@ def test_an_edge_belongs_to_the_bin_above_it_and_the_last_one_to_the_last():
 
 def test_less_overlap_than_asked_is_counted_apart(result):
     judged = [
-        {"case": r["id"], "confidence": 0.9 if r["right"] else 0.6, "accepted": True} | r
-        for r in result["rows"][:3]
+        judged_row("dragon_0.2", asked=False, right=False),
+        judged_row("dragon_0.5", asked=True, right=True),
+        judged_row("bunny_1.0", asked=True, right=True),
     ]
     asked, harder = table(result | {"judged": judged}).split("## Harder than asked")
     assert OVERLAPS[0] <= 0.2 < ASKED
@@ -80,3 +87,20 @@ def test_less_overlap_than_asked_is_counted_apart(result):
     assert "| a | 0/1 (0.0%) |" in harder
     assert "Wrong, but accepted: dragon_0.2 (0.60)." in harder
     assert f"| overlap of {ASKED} or more | 2 | 0 |" in harder
+
+
+def test_a_run_judges_each_pair_it_attempts(data, monkeypatch):
+    pairs = json.loads((data / "pairs.json").read_text())
+    easy, hard = [pair for pair in pairs if pair["suite"] == "bunny_rgbd"][:2]
+    monkeypatch.setattr(held_out, "composed_pairs", lambda: [easy, hard | {"overlap": 0.2}])
+    monkeypatch.setattr(held_out, "METHODS", [MPL, LAID])
+    result = held_out.run()
+    assert [(r["case"], r["asked"], r["right"]) for r in result["judged"]] == [
+        (easy["id"], True, True),
+        (hard["id"], False, True),
+    ]
+    asked, harder = table(result).split("## Harder than asked")
+    for page in (asked, harder):
+        assert "| MPL | 1/1 (100.0%) |" in page
+        assert "| laid | 0/1 (0.0%) |" in page
+    assert f"| overlap of {ASKED} or more | 1 | 0 | - | - | 0/1 (0.0%) |" in harder
