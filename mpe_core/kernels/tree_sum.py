@@ -72,7 +72,7 @@ def _group_force(x, start, end, y, mass, starts, cells, eps2, opening, force):
     cx, cy, cz, radius = _ball(x, start, end)
     first_leaf = starts.shape[0] - 2
     near, far = np.empty((3, BLOCK), np.float32), np.empty((COLUMNS, BLOCK), np.float32)
-    near_mass = np.empty(min(BLOCK, mass.shape[0]), np.float32)
+    near_mass, weighed = np.empty(min(BLOCK, mass.shape[0]), np.float32), mass.shape[0] > 0
     stack = np.zeros(STACK, np.int64)
     top, points, far_cells = 1, 0, 0
     while top > 0:
@@ -89,7 +89,8 @@ def _group_force(x, start, end, y, mass, starts, cells, eps2, opening, force):
         else:
             a, b = starts[k - first_leaf], starts[k - first_leaf + 1]
             near[:, points : points + b - a] = y[:, a:b]
-            near_mass[points : points + b - a] = mass[a:b]
+            if weighed:
+                near_mass[points : points + b - a] = mass[a:b]
             points += b - a
         if points > BLOCK - GROUP or top == 0:
             for i in range(start, end):
