@@ -15,6 +15,7 @@ from mpe_core.kernels.cells import (
     keys_of_cells,
     nearest_within,
     number_cells,
+    rows_by_cell,
     sort_by_cell,
 )
 from mpe_core.kernels.local_planes import local_planes
@@ -46,6 +47,13 @@ def thin_weighted(
     moments = [np.bincount(cell, weights * column) for column in points.T]
     means: Points = np.ascontiguousarray((moments / total).T, np.float32)
     return means, (total / counts).astype(np.float32)
+
+
+def cube_order(points: Points, size: float) -> NDArray[np.int32]:
+    """(N,) rows of the points (N, 3), cube by cube of edge `size`."""
+    _, _, cell, counts = number_cells(points, *grid(points, size))
+    rows: NDArray[np.int32] = rows_by_cell(cell, counts)
+    return rows
 
 
 @dataclass(frozen=True, slots=True)

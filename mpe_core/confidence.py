@@ -14,12 +14,18 @@ LEAST_SHARP, SHARP_SPACINGS, SHARP_NOISES = 0.006, 0.3, 1.5
 """Distance from a plane that counts as on it: in radii of the smaller cloud, in point spacings and
 in roughnesses, whichever is most."""
 
-SHARP_WEIGHT, NEAR_WEIGHT, OFFSET = 17.1, 3.5, -13.8
-"""Logistic model of right against wrong, a wrong one counting three times, fitted to every other
-one of the 85 shared pairs (three starts each) and of 120 impossible ones (half 0 of `python -m
-benchmarks confidence`): of those it refused one pair (dragon 72-0, all starts) and accepted one of
-60 impossible ones (0.56); of the other halves it refused none of 126 and accepted none of 60. Area
-under the ROC curve of all: 0.9998.
+OVER_SPACINGS = 0.3
+"""How far along the plane the nearest point may lie, in point spacings of the coarser surface:
+where it is farther off, the target has a hole or ends, and its plane says nothing. Pairs that
+overlap little lie beyond an end with most of their near points: of 295 right poses of shared pairs
+and pairs composed from them, a model of all near points refuses 17, with 1.5 / 0.7 / 0.5 / 0.3
+spacings 7 / 4 / 4 / 4, and of 245 wrong ones it accepts 2, 2 / 1 / 1 / 0."""
+
+SHARP_WEIGHT, ON_WEIGHT, OFFSET = 33.1, 7.9, -32.8
+"""Logistic model of right against wrong, a wrong one counting three times, fitted to half 0: every
+other one of the 85 shared pairs (two starts each) and of 244 impossible ones, of each the pose with
+the most confidence. Of half 1 it accepts none of 122 impossible ones and refuses one of 84 right
+ones (0.41); of both it accepts one (0.61). Area under the ROC curve of half 1: 0.9999.
 Without the correction for chance, two to three of each 60 impossible ones were accepted."""
 
 MOST_CHANCE = 0.9
@@ -33,19 +39,19 @@ ACCEPTED = 0.5
 class Evidence:
     """What speaks for a pose."""
 
-    near: float
-    """Share of the points within the reach of the target's planes."""
+    on: float
+    """Share of the points that lie on the target's planes and face as they do."""
     sharp: float
-    """Share of those that lie on the planes and face as they do, beyond the share that chance puts
-    there: 0 for points that lie anywhere, 1 for all."""
+    """Share of those over a point of the target that lie on its plane and face as it does, beyond
+    the share that chance puts there: 0 for points that lie anywhere, 1 for all."""
     overlap: float = 1.0
-    """Share of the points that may be near, as the caller knows it."""
+    """Share of the points that may lie on the target, as the caller knows it."""
 
     @property
     def confidence(self) -> float:
         """How likely the pose is right, in [0, 1]."""
-        near = min(1.0, self.near / self.overlap)
-        logit = SHARP_WEIGHT * self.sharp + NEAR_WEIGHT * near + OFFSET
+        on = min(1.0, self.on / self.overlap)
+        logit = SHARP_WEIGHT * self.sharp + ON_WEIGHT * on + OFFSET
         return float(1 / (1 + np.exp(-logit)))
 
     @property
@@ -53,21 +59,34 @@ class Evidence:
         """Whether the pose is taken for right."""
         return self.confidence >= ACCEPTED
 
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Which of several poses of a pair is best, the greatest: sharpness alone, which the
+        confidence rests on, does not see that more points lie on the target in another one."""
+        return self.accepted, self.on * self.sharp
+
 
 def evidence(
-    source: Sample, planes: TargetPlanes, T: NDArray[np.float64], sharp: float, overlap: float
+    source: Sample,
+    planes: TargetPlanes,
+    T: NDArray[np.float64],
+    sharp: float,
+    spacing: float,
+    overlap: float,
 ) -> Evidence:
-    """Evidence for the pose T; `sharp` is how near a plane is on it."""
+    """Evidence for the pose T; `sharp` is how near a plane is on it, `spacing` that of the points
+    of the coarser surface."""
     pairs = nearest_planes(source, planes, T)
-    known = np.abs(pairs.normals).sum(axis=1) > 0
-    near = pairs.within & known
-    if not near.any():
-        return Evidence(0.0, 0.0, overlap)
-    on = np.abs(pairs.residuals()[near]) < sharp
-    on &= pairs.used[near]
+    near = pairs.within & (np.abs(pairs.normals).sum(axis=1) > 0)
+    residual = np.abs(pairs.residuals())
+    across = np.square(pairs.points - pairs.moved).sum(axis=1) - np.square(residual)
+    over = near & (across < (OVER_SPACINGS * spacing) ** 2)
+    on = near & (residual < sharp) & pairs.used
+    if not over.any():
+        return Evidence(float(on.mean()), 0.0, overlap)
     chance = min(sharp / float(planes.cells.reach), MOST_CHANCE)
-    beyond = max(0.0, (float(on.mean()) - chance) / (1 - chance))
-    return Evidence(near.sum() / len(near), beyond, overlap)
+    beyond = max(0.0, (float(on[over].mean()) - chance) / (1 - chance))
+    return Evidence(float(on.mean()), beyond, overlap)
 
 
 def sharp_distance(spacing: float, roughness: float) -> float:

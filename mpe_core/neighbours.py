@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mpe_core.cells import CellList
+from mpe_core.cells import CellList, cube_order
 
 
 class Neighbours:
@@ -70,8 +70,8 @@ def _rows(cells: CellList, queries: NDArray[np.float32]) -> NDArray[np.int64]:
     a cube stays in the processor's cache."""
     if not len(queries):
         return np.empty(0, np.int64)
-    order = CellList(queries, BLOCK * float(cells.reach))
-    row, _ = cells.nearest(order.points)
+    order = cube_order(queries, BLOCK * float(cells.reach))
+    row, _ = cells.nearest(queries[order])
     nearest = np.empty(len(queries), np.int64)
-    nearest[order.rows] = np.where(row >= 0, cells.rows[row], -1)
+    nearest[order] = np.where(row >= 0, cells.rows[row], -1)
     return nearest

@@ -10,6 +10,7 @@ from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
+from mpe_core.kernels.distances import row_distances
 from mpe_core.knowledge import Knowledge
 from mpe_core.neighbours import nearest_rows
 from mpe_core.options import RegistrationOptions
@@ -143,11 +144,9 @@ def _inliers(
     """Source points whose nearest target point is within the threshold (caller's unit)."""
     moved = apply(T, pair.source)
     row = nearest_rows(moved, pair.target, threshold / pair.unit)
-    close = np.flatnonzero(row >= 0)
-    distance = pair.unit * np.linalg.norm(moved[close] - pair.target[row[close]], axis=1)
-    kept = distance <= threshold
-    close, distance = close[kept], distance[kept]
-    return Inliers(source.index[close], target.index[row[close]], distance, threshold)
+    distance = pair.unit * row_distances(moved, pair.target, row)
+    close = np.flatnonzero(distance <= threshold)
+    return Inliers(source.index[close], target.index[row[close]], distance[close], threshold)
 
 
 def _warnings(
@@ -169,9 +168,9 @@ def _warnings(
         texts.append(f"not converged after {polished.iterations} iterations")
     if not trust.accepted:
         texts.append(
-            f"do not trust this pose: {trust.near:.0%} of the points come near the target, and"
-            f" {trust.sharp:.0%} of these more than by chance lie on its surface; the clouds may"
-            " overlap too little, or show different things"
+            f"do not trust this pose: {trust.on:.0%} of the points lie on the target, and of those"
+            f" that are over one of its points {trust.sharp:.0%} more than by chance; the clouds"
+            " may overlap too little, or show different things"
         )
         mismatch = unit_mismatch(
             radius(source.heavy(pair.source)), radius(target.heavy(pair.target))

@@ -66,12 +66,13 @@ class Scan:
         return Sample(points, self._outward(points) if self.surface.oriented else None)
 
     def coarse(self, most: int) -> Points:
-        """(up to `most`, 3) of the surface's points but stray ones, likewise."""
-        usable = self.surface.points[self.surface.weights > 0]
+        """(up to `most`, 3) of the surface's points, evenly or as their weights ask for; those that
+        look stray, too: under noise most of them are not, and the pose would bend."""
+        points = self.surface.points
         if self.weights is not None:
-            weights = _at(usable, self.fine, self.weights, self.voxel)
-            usable = usable[proportional_rows(weights, len(usable))]
-        return np.ascontiguousarray(usable[:: max(1, -(-len(usable) // most))])
+            weights = _at(points, self.fine, self.weights, self.voxel)
+            points = points[proportional_rows(weights, len(points))]
+        return np.ascontiguousarray(points[:: max(1, -(-len(points) // most))])
 
     def _outward(self, points: Points) -> Points:
         cells = CellList(self.surface.points, OWN_REACH * self.voxel)

@@ -14,8 +14,6 @@ PROJECT = Path(__file__).parent.parent
 DATA = Path(os.environ.get("MPE_DATA", PROJECT.parent / "shared" / "data"))
 REQUIRED = os.environ.get("MPE_REQUIRE_REAL_DATA") == "1"
 
-# where a system has TBB, Open3D brings another one, and numba warns: here a warning is an error
-os.environ["NUMBA_THREADING_LAYER"] = "omp"
 POSTGRES_REQUIRED = os.environ.get("MPE_REQUIRE_POSTGRES") == "1"
 NO_POSTGRES = "there is no PostgreSQL server: install the Debian package postgresql"
 

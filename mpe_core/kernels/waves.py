@@ -57,14 +57,113 @@ def move(T, step):
     T[2, 3] += step[5]
 
 
+F32, ZERO = np.float32, np.float32(0.0)
+SURFACE = "float32[:, ::1], float32[:, ::1], float32[::1]"  # points, normals, weights
+FIELD = "int32[:, :, ::1], float32[::1], float32"  # rows, origin, cell
+FAST = {"cache": True, "fastmath": True, "error_model": "numpy"}
+
+
 @njit(
-    "void(float64[:, :, ::1], float32[::1], float32[:, ::1], float32[:, ::1], float32[::1],"
-    " float32[:, ::1], float32[:, ::1], float32[::1], int32[:, :, ::1], float32[::1], float32,"
-    " float32, float32, int64, float32, boolean)",
-    cache=True,
+    f"float32(float64[:, ::1], {SURFACE}, {SURFACE}, {FIELD}, float32, float32, boolean,"
+    " float64[:, ::1], float64[::1])",
+    **FAST,
+)
+def normal_equations(
+    T,
+    source,
+    source_normals,
+    weights,
+    target,
+    target_normals,
+    target_weights,
+    field,
+    origin,
+    size,
+    e2,
+    slide,
+    oriented,
+    H,
+    g,
+):
+    """Lower half of H (6, 6), and g (6,), of one step of `descend` at the pose T with eps^2 = e2;
+    returns the sum of the points' scores."""
+    nx, ny, nz = field.shape
+    inverse = F32(1.0) / size
+    r00, r01, r02, t0 = F32(T[0, 0]), F32(T[0, 1]), F32(T[0, 2]), F32(T[0, 3])
+    r10, r11, r12, t1 = F32(T[1, 0]), F32(T[1, 1]), F32(T[1, 2]), F32(T[1, 3])
+    r20, r21, r22, t2 = F32(T[2, 0]), F32(T[2, 1]), F32(T[2, 2]), F32(T[2, 3])
+    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = ZERO
+    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = ZERO
+    g0 = g1 = g2 = g3 = g4 = g5 = score = ZERO
+    for i in range(source.shape[0]):
+        sx, sy, sz = source[i, 0], source[i, 1], source[i, 2]
+        px = r00 * sx + r01 * sy + r02 * sz + t0
+        py = r10 * sx + r11 * sy + r12 * sz + t1
+        pz = r20 * sx + r21 * sy + r22 * sz + t2
+        ix = min(max(int((px - origin[0]) * inverse), 0), nx - 1)
+        iy = min(max(int((py - origin[1]) * inverse), 0), ny - 1)
+        iz = min(max(int((pz - origin[2]) * inverse), 0), nz - 1)
+        j = field[ix, iy, iz]
+        dx, dy, dz = target[j, 0] - px, target[j, 1] - py, target[j, 2] - pz
+        ax, ay, az = target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]
+        sx, sy, sz = source_normals[i, 0], source_normals[i, 1], source_normals[i, 2]
+        agree = (
+            ax * (r00 * sx + r01 * sy + r02 * sz)
+            + ay * (r10 * sx + r11 * sy + r12 * sz)
+            + az * (r20 * sx + r21 * sy + r22 * sz)
+        )
+        if oriented:
+            agree = max(agree, ZERO)
+        pull = e2 / (dx * dx + dy * dy + dz * dz + e2)
+        w = min(weights[i], target_weights[j]) * agree * agree * pull
+        score += w
+        w *= pull
+        d = dx * ax + dy * ay + dz * az
+        cx, cy, cz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
+        wcx, wcy, wcz, wax, way, waz = w * cx, w * cy, w * cz, w * ax, w * ay, w * az
+        s = w * slide
+        spx, spy, spz = s * px, s * py, s * pz
+        h00 += wcx * cx + spy * py + spz * pz
+        h01 += wcx * cy - spx * py
+        h02 += wcx * cz - spx * pz
+        h03 += wcx * ax
+        h04 += wcx * ay - spz
+        h05 += wcx * az + spy
+        h11 += wcy * cy + spx * px + spz * pz
+        h12 += wcy * cz - spy * pz
+        h13 += wcy * ax + spz
+        h14 += wcy * ay
+        h15 += wcy * az - spx
+        h22 += wcz * cz + spx * px + spy * py
+        h23 += wcz * ax - spy
+        h24 += wcz * ay + spx
+        h25 += wcz * az
+        h33 += wax * ax + s
+        h34 += wax * ay
+        h35 += wax * az
+        h44 += way * ay + s
+        h45 += way * az
+        h55 += waz * az + s
+        g0 += wcx * d + s * (py * dz - pz * dy)
+        g1 += wcy * d + s * (pz * dx - px * dz)
+        g2 += wcz * d + s * (px * dy - py * dx)
+        g3 += wax * d + s * dx
+        g4 += way * d + s * dy
+        g5 += waz * d + s * dz
+    H[0, 0], H[1, 0], H[1, 1] = h00, h01, h11
+    H[2, 0], H[2, 1], H[2, 2] = h02, h12, h22
+    H[3, 0], H[3, 1], H[3, 2], H[3, 3] = h03, h13, h23, h33
+    H[4, 0], H[4, 1], H[4, 2], H[4, 3], H[4, 4] = h04, h14, h24, h34, h44
+    H[5, 0], H[5, 1], H[5, 2], H[5, 3], H[5, 4], H[5, 5] = h05, h15, h25, h35, h45, h55
+    g[0], g[1], g[2], g[3], g[4], g[5] = g0, g1, g2, g3, g4, g5
+    return score
+
+
+@njit(
+    f"void(float64[:, :, ::1], float32[::1], {SURFACE}, {SURFACE}, {FIELD}, float32, float32,"
+    " int64, float32, boolean)",
     parallel=True,
-    fastmath=True,
-    error_model="numpy",
+    **FAST,
 )
 def descend(
     poses,
@@ -90,130 +189,38 @@ def descend(
     w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to `end`. Of
     `oriented` normals those that point apart weigh nothing.
     """
-    nx, ny, nz = field.shape
-    n = source.shape[0]
-    inverse = np.float32(1.0) / size
     ratio = (end / start) ** (1.0 / max(1, iterations - 1))
-    total = np.float32(0.0)
-    for i in range(n):
+    total = ZERO
+    for i in range(source.shape[0]):
         total += weights[i]
     for c in prange(poses.shape[0]):
         T = poses[c].copy()
         H = np.empty((6, 6), np.float64)
         g = np.empty(6, np.float64)
-        eps = start
         for iteration in range(iterations + 1):
-            last = iteration == iterations
-            e2 = np.float32(eps * eps)
-            if last:
-                e2 = np.float32(end * end)
-            r00, r01, r02, t0 = (
-                np.float32(T[0, 0]),
-                np.float32(T[0, 1]),
-                np.float32(T[0, 2]),
-                np.float32(T[0, 3]),
+            eps = end if iteration == iterations else start * ratio**iteration
+            score = normal_equations(
+                T,
+                source,
+                source_normals,
+                weights,
+                target,
+                target_normals,
+                target_weights,
+                field,
+                origin,
+                size,
+                F32(eps * eps),
+                slide,
+                oriented,
+                H,
+                g,
             )
-            r10, r11, r12, t1 = (
-                np.float32(T[1, 0]),
-                np.float32(T[1, 1]),
-                np.float32(T[1, 2]),
-                np.float32(T[1, 3]),
-            )
-            r20, r21, r22, t2 = (
-                np.float32(T[2, 0]),
-                np.float32(T[2, 1]),
-                np.float32(T[2, 2]),
-                np.float32(T[2, 3]),
-            )
-            h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = np.float32(0.0)
-            h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = np.float32(0.0)
-            g0 = g1 = g2 = g3 = g4 = g5 = np.float32(0.0)
-            score = np.float32(0.0)
-            for i in range(n):
-                sx, sy, sz = source[i, 0], source[i, 1], source[i, 2]
-                px = r00 * sx + r01 * sy + r02 * sz + t0
-                py = r10 * sx + r11 * sy + r12 * sz + t1
-                pz = r20 * sx + r21 * sy + r22 * sz + t2
-                ix = min(max(int((px - origin[0]) * inverse), 0), nx - 1)
-                iy = min(max(int((py - origin[1]) * inverse), 0), ny - 1)
-                iz = min(max(int((pz - origin[2]) * inverse), 0), nz - 1)
-                j = field[ix, iy, iz]
-                dx, dy, dz = target[j, 0] - px, target[j, 1] - py, target[j, 2] - pz
-                ax, ay, az = target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]
-                sx, sy, sz = source_normals[i, 0], source_normals[i, 1], source_normals[i, 2]
-                agree = (
-                    ax * (r00 * sx + r01 * sy + r02 * sz)
-                    + ay * (r10 * sx + r11 * sy + r12 * sz)
-                    + az * (r20 * sx + r21 * sy + r22 * sz)
-                )
-                if oriented:
-                    agree = max(agree, np.float32(0.0))
-                pull = e2 / (dx * dx + dy * dy + dz * dz + e2)
-                w = min(weights[i], target_weights[j]) * agree * agree * pull
-                score += w
-                w *= pull
-                d = dx * ax + dy * ay + dz * az
-                cx, cy, cz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
-                wcx, wcy, wcz, wax, way, waz = w * cx, w * cy, w * cz, w * ax, w * ay, w * az
-                s = w * slide
-                spx, spy, spz = s * px, s * py, s * pz
-                h00 += wcx * cx + spy * py + spz * pz
-                h01 += wcx * cy - spx * py
-                h02 += wcx * cz - spx * pz
-                h03 += wcx * ax
-                h04 += wcx * ay - spz
-                h05 += wcx * az + spy
-                h11 += wcy * cy + spx * px + spz * pz
-                h12 += wcy * cz - spy * pz
-                h13 += wcy * ax + spz
-                h14 += wcy * ay
-                h15 += wcy * az - spx
-                h22 += wcz * cz + spx * px + spy * py
-                h23 += wcz * ax - spy
-                h24 += wcz * ay + spx
-                h25 += wcz * az
-                h33 += wax * ax + s
-                h34 += wax * ay
-                h35 += wax * az
-                h44 += way * ay + s
-                h45 += way * az
-                h55 += waz * az + s
-                g0 += wcx * d + s * (py * dz - pz * dy)
-                g1 += wcy * d + s * (pz * dx - px * dz)
-                g2 += wcz * d + s * (px * dy - py * dx)
-                g3 += wax * d + s * dx
-                g4 += way * d + s * dy
-                g5 += waz * d + s * dz
-            if last:
+            if iteration == iterations:
                 scores[c] = score / total
-                break
-            H[0, 0] = h00
-            H[1, 0] = h01
-            H[1, 1] = h11
-            H[2, 0] = h02
-            H[2, 1] = h12
-            H[2, 2] = h22
-            H[3, 0] = h03
-            H[3, 1] = h13
-            H[3, 2] = h23
-            H[3, 3] = h33
-            H[4, 0] = h04
-            H[4, 1] = h14
-            H[4, 2] = h24
-            H[4, 3] = h34
-            H[4, 4] = h44
-            H[5, 0] = h05
-            H[5, 1] = h15
-            H[5, 2] = h25
-            H[5, 3] = h35
-            H[5, 4] = h45
-            H[5, 5] = h55
-            # a share of the trace holds directions that nothing constrains
-            damping = 1e-6 * (h00 + h11 + h22 + h33 + h44 + h55) + 1e-12
-            for k in range(6):
-                H[k, k] += damping
-            g[0], g[1], g[2], g[3], g[4], g[5] = g0, g1, g2, g3, g4, g5
-            if solve_symmetric(H, g):
-                move(T, g)
-            eps *= ratio
+            else:
+                # a share of the trace holds directions that nothing constrains
+                H += (1e-6 * np.trace(H) + 1e-12) * np.eye(6)
+                if solve_symmetric(H, g):
+                    move(T, g)
         poses[c] = T

@@ -143,13 +143,21 @@ def test_weights_that_do_not_fit_are_refused(wrong):
 
 
 def test_a_known_overlap_tells_a_small_one_from_a_wrong_pose(data):
-    trial = real_pair(data, "dragon_72_0")
-    alone = register(trial.source, trial.target)
-    found = register(trial.source, trial.target, RegistrationOptions(overlap=0.3))
+    trial = real_pair(data, "bunny_bun180_bun090")
+    source = trial.source + 0.0006 * np.random.default_rng(0).normal(size=trial.source.shape)
+    alone = register(source, trial.target)
+    found = register(source, trial.target, RegistrationOptions(overlap=0.37))
     assert not alone.accepted
     assert found.accepted
+    assert_pose_close(found.T_target_source, trial.T_target_source, source, degrees=2, shift=0.005)
+
+
+def test_what_lies_beyond_an_end_of_the_target_says_nothing_against_a_pose(data):
+    trial = real_pair(data, "dragon_264_192")  # two thirds of the source face nothing
+    found = register(trial.source, trial.target)
+    assert found.accepted
     assert_pose_close(
-        found.T_target_source, trial.T_target_source, trial.source, degrees=5, shift=0.01
+        found.T_target_source, trial.T_target_source, trial.source, degrees=2, shift=0.005
     )
 
 
