@@ -189,9 +189,11 @@ def draw(result: Result, figure: Figure) -> None:
     rows = result["rows"]
     for right, colour in ((True, "tab:blue"), (False, "tab:red")):
         mine = [r for r in rows if r["right"] == right]
-        sharp, on = ([r[key] for r in mine] for key in ("sharp", "on"))
-        evidence.plot(sharp, on, ".", color=colour, alpha=0.5, label="right" if right else "wrong")
-    evidence.set(xlabel="on the target, of those over it", ylabel="of all points")
+        sharp, near = ([r[key] for r in mine] for key in ("sharp", "near"))
+        evidence.plot(
+            sharp, near, ".", color=colour, alpha=0.5, label="right" if right else "wrong"
+        )
+    evidence.set(xlabel="on the target, of those over it", ylabel="share of near points")
     evidence.legend()
     ordered = _right(sorted(rows, key=lambda r: -r["confidence"]))
     curve.plot(np.cumsum(~ordered) / (~ordered).sum(), np.cumsum(ordered) / ordered.sum())

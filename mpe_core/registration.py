@@ -168,8 +168,8 @@ def _warnings(
         texts.append(f"not converged after {polished.iterations} iterations")
     if not trust.accepted:
         texts.append(
-            f"do not trust this pose: {trust.on:.0%} of the points lie on the target, and of those"
-            f" that are over one of its points {trust.sharp:.0%} more than by chance; the clouds"
+            f"do not trust this pose: {trust.near:.0%} of the points come near the target, and of"
+            f" those that tell {trust.sharp:.0%} more than by chance lie on its surface; the clouds"
             " may overlap too little, or show different things"
         )
         mismatch = unit_mismatch(
