@@ -15,10 +15,10 @@ from mpe_core.kernels.cells import (
     keys_of_cells,
     nearest_within,
     number_cells,
-    rows_by_cell,
     sort_by_cell,
 )
 from mpe_core.kernels.local_planes import local_planes
+from mpe_core.kernels.rows import rows_by_cell
 
 Points = NDArray[np.float32]
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from mpe_core.cells import CellList, cube_order
+from mpe_core.kernels.rows import points_at, rows_as_given
 
 
 class Neighbours:
@@ -71,7 +72,6 @@ def _rows(cells: CellList, queries: NDArray[np.float32]) -> NDArray[np.int64]:
     if not len(queries):
         return np.empty(0, np.int64)
     order = cube_order(queries, BLOCK * float(cells.reach))
-    row, _ = cells.nearest(queries[order])
-    nearest = np.empty(len(queries), np.int64)
-    nearest[order] = np.where(row >= 0, cells.rows[row], -1)
+    row, _ = cells.nearest(points_at(queries, order))
+    nearest: NDArray[np.int64] = rows_as_given(row, cells.rows, order)
     return nearest

@@ -145,18 +145,6 @@ def sort_by_cell(points, keys, slots, cell_of, counts, order):
     return columns, starts, rows
 
 
-@njit("int32[::1](int32[::1], int32[::1])", cache=True)
-def rows_by_cell(cell_of, counts):
-    """(N,) rows of the points, cell by cell in the order of the cells' numbers."""
-    place = np.cumsum(counts) - counts
-    rows = np.empty(cell_of.shape[0], np.int32)
-    for i in range(cell_of.shape[0]):
-        c = cell_of[i]
-        rows[place[c]] = i
-        place[c] += 1
-    return rows
-
-
 @njit("Tuple((float32[:, ::1], int32[::1]))(float32[:, ::1], float32[::1], float32)", cache=True)
 def cell_means(points, origin, size):
     """Mean and count of the points of each occupied cell."""
