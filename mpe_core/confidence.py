@@ -18,8 +18,8 @@ OVER_SPACINGS = 0.5
 """How far along the plane the nearest point may lie, in point spacings of the coarser surface:
 where it is farther off, the target has a hole or ends, and its plane says nothing. Pairs that
 overlap little lie beyond an end with most of their near points: of 145 right poses composed from
-the shared pairs (overlap 0.2 and more) a model of all near points refuses 34, with 1 / 0.7 / 0.5 /
-0.3 spacings 10 / 6 / 5 / 4."""
+the shared pairs (overlap 0.2 and more) a model of all near points refuses 35, with 1 / 0.7 / 0.5 /
+0.3 spacings 12 / 7 / 5 / 4."""
 
 CALM = 0.18
 """Share that chance puts on a plane up to which only what lies over a point counts; beyond it noise
@@ -27,12 +27,12 @@ decides which points do, also of wrong poses. Clean clouds have at most 0.18, th
 and more of both, or 0.01 of one, 0.22 and more. Area under the ROC curve of noisy clouds 0.986 with
 it, as with all near points, and 0.966 without."""
 
-SHARP_WEIGHT, NEAR_WEIGHT, OFFSET = 21.5, 5.7, -20.3
-"""Logistic model of right against wrong, fitted to half of the 85 shared pairs, as they are and
-with noise of 0.006 to 0.02 radii, and of 244 impossible ones, half of them as noisy; a wrong one
-counts three times, a right one with noise 0.6. Of the other half it refuses none of 42 right poses
-and accepts none of 120 wrong ones; with noise 15 of 204 and 4 of 90. A model that never saw noise
-refused 2 and accepted 15 of these.
+SHARP_WEIGHT, NEAR_WEIGHT, OFFSET = 19.5, 6.1, -18.9
+"""Logistic model of right against wrong, a wrong one counting three times, fitted to half 0: every
+other one of the 85 shared pairs, as they are and with noise of 0.006 to 0.02 radii, and of 244
+impossible ones, half of them as noisy too. Of half 1 it refuses one of 42 right poses and accepts
+none of 122 wrong ones; with noise 13 of 202 and 4 of 91. The same without noise among what it is
+fitted to: 4 and 13 of these.
 Without the correction for chance, two to three of each 60 impossible ones were accepted."""
 
 MOST_CHANCE = 0.9
