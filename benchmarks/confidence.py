@@ -110,8 +110,8 @@ def table(result: Result) -> str:
         f"Every pair of pairs.json from {SEEDS} starts, right by the tolerances of the pair, and "
         f"{IMPOSSIBLE} impossible pairs: the source is of another suite that shows something else, "
         "scaled to the size of the target. The model of the confidence may be fitted to the cases "
-        "of half 0 (every other pair, every other impossible one, and these with noise), never to those "
-        "of half 1.\n\n"
+        "of half 0 (every other pair, every other impossible one, and these with noise), never to "
+        "those of half 1.\n\n"
         + verdicts_table(
             {
                 "all": rows,

@@ -37,8 +37,8 @@ def table(result: Result) -> str:
     return (
         f"Pairs that pairs.json does not list: where a chain of its pairs leads from one cloud to "
         "another, their poses are composed (A on B and B on C give A on C), both ways round. The "
-        "clouds are those of pairs.json, but no constant of MPL's poses and no setting of a peer was "
-        "chosen on these pairs; which points the confidence counts was, its weights were not. "
+        "clouds are those of pairs.json, but no constant of MPL's poses and no setting of a peer "
+        "was chosen on these pairs; which points the confidence counts was, its weights were not. "
         f"{_count(asked)} have the overlap of pairs.json, {ASKED} or more; "
         f"{_count(harder)} have less, down to {OVERLAPS[0]}. Turned and moved as those, one start "
         "each, right by the largest tolerances of the suite; errors of right ones. SAC-IA and RoPS "
