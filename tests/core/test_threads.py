@@ -1,0 +1,35 @@
+"""Which threads the compiled loops run on."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+REPORT = """
+import numpy as np, numba
+from mpe_core import register
+cloud = np.random.default_rng(0).normal(size=(200, 3))
+register(cloud, cloud)
+print(numba.threading_layer())
+"""
+
+
+@pytest.mark.parametrize(
+    ("chosen", "layer"),
+    [
+        ({}, "omp"),
+        ({"NUMBA_THREADING_LAYER_PRIORITY": "workqueue omp tbb"}, "workqueue"),
+        ({"NUMBA_THREADING_LAYER": "workqueue"}, "workqueue"),
+    ],
+)
+def test_it_is_openmp_unless_the_caller_says_otherwise(chosen, layer):
+    inherited = {key: value for key, value in os.environ.items() if "THREADING" not in key}
+    ran = subprocess.run(
+        [sys.executable, "-c", REPORT],
+        env=inherited | chosen,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout.split() == [layer]
