@@ -18,22 +18,22 @@ OVER_SPACINGS = 0.5
 """How far along the plane the nearest point may lie, in point spacings of the coarser surface:
 where it is farther off, the target has a hole or ends, and its plane says nothing. Pairs that
 overlap little lie beyond an end with most of their near points: of 145 right poses composed from
-the shared pairs (overlap 0.2 and more) a model of all near points refuses 35, with 1 / 0.7 / 0.5 /
-0.3 spacings 12 / 7 / 5 / 4."""
+the shared pairs (overlap 0.2 and more) a model of all near points refuses 34, with 1 / 0.7 / 0.5 /
+0.3 spacings 8 / 6 / 4 / 4."""
 
 CALM = 0.18
 """Share that chance puts on a plane up to which only what lies over a point counts; beyond it noise
-decides which points do, also of wrong poses. Clean clouds have at most 0.18, those with noise 0.006
-and more of both, or 0.01 of one, 0.22 and more. Area under the ROC curve of noisy clouds 0.986 with
-it, as with all near points, and 0.966 without."""
+decides which points do, also of wrong poses. Below it are 91 % of the shared pairs, 99 % of those
+composed from them, and 1 % of all with noise of 0.006 to 0.02 radii. Area under the ROC curve of
+half 1 with that noise 0.986, as with all near points, and 0.965 if only what lies over counts."""
 
 SHARP_WEIGHT, NEAR_WEIGHT, OFFSET = 19.5, 6.1, -18.9
 """Logistic model of right against wrong, a wrong one counting three times, fitted to half 0: every
 other one of the 85 shared pairs, as they are and with noise of 0.006 to 0.02 radii, and of 244
 impossible ones, half of them as noisy too. Of half 1 it refuses one of 42 right poses and accepts
-none of 122 wrong ones; with noise 13 of 202 and 4 of 91. The same without noise among what it is
-fitted to: 4 and 13 of these.
-Without the correction for chance, two to three of each 60 impossible ones were accepted."""
+none of 122 wrong ones; with noise 13 of 202 and 4 of 91. A model of all near points, fitted
+without noise, has 4 and 13 of these; one without the correction for chance accepted two to three of
+each 60 impossible ones."""
 
 MOST_CHANCE = 0.9
 """So that one is left to tell; the shared pairs have 0.11 to 0.38."""

@@ -179,24 +179,18 @@ def _descend(
     least_eps: float,
 ) -> NDArray[np.float32]:
     """Move the poses down the energy in place; their scores."""
-    scores = np.empty(len(poses), np.float32)
+    scores, target = np.empty(len(poses), np.float32), field.surface
     descend(
         poses,
         scores,
-        source.points[rows],
-        source.normals[rows],
-        source.weights[rows],
-        field.surface.points,
-        field.surface.normals,
-        field.surface.weights,
-        field.rows,
-        field.origin,
-        field.cell,
+        (source.points[rows], source.normals[rows], source.weights[rows]),
+        (target.points, target.normals, target.weights),
+        (field.rows, field.origin, field.cell),
         np.float32(max(wave.start, least_eps)),
         np.float32(max(wave.end, least_eps)),
         wave.steps,
         np.float32(SLIDE),
-        source.oriented and field.surface.oriented,
+        source.oriented and target.oriented,
     )
     return scores
 

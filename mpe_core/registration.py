@@ -44,9 +44,8 @@ def register(
 ) -> Registration:
     """Rigid pose that lays the source (N, 3) on the target (M, 3).
 
-    source_weights (N,) and target_weights (M,), 0 or more, say how much each point counts (K_i of
-    the paper), by every method, beside the others of its cloud: their unit does not matter. Points
-    of weight 0 have no say in the pose, but may be inliers.
+    source_weights (N,) and target_weights (M,), 0 or more, in any unit: how much each point counts
+    (K_i of the paper). Points of weight 0 have no say in the pose, but may be inliers.
 
     on_progress(stage, fraction of the whole in [0, 1]) is called between stages and between the
     iterations of long ones; what it raises ends the registration. The input is never changed, rows
@@ -60,8 +59,7 @@ def register(
     InvalidOptionsError
         Options that cannot go with these clouds.
     """
-    options = options or RegistrationOptions()
-    progress = Progress(on_progress)
+    options, progress = options or RegistrationOptions(), Progress(on_progress)
     with progress.stage("prepare") as report:
         x = as_points(source, "source", source_weights)
         y = as_points(target, "target", target_weights)

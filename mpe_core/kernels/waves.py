@@ -58,8 +58,8 @@ def move(T, step):
 
 
 F32, ZERO = np.float32, np.float32(0.0)
-SURFACE = "float32[:, ::1], float32[:, ::1], float32[::1]"  # points, normals, weights
-FIELD = "int32[:, :, ::1], float32[::1], float32"  # rows, origin, cell
+SURFACE = "Tuple((float32[:, ::1], float32[:, ::1], float32[::1]))"  # points, normals, weights
+FIELD = "Tuple((int32[:, :, ::1], float32[::1], float32))"  # rows, origin, cell
 FAST = {"cache": True, "fastmath": True, "error_model": "numpy"}
 
 
@@ -68,45 +68,32 @@ FAST = {"cache": True, "fastmath": True, "error_model": "numpy"}
     " float64[:, ::1], float64[::1])",
     **FAST,
 )
-def normal_equations(
-    T,
-    source,
-    source_normals,
-    weights,
-    target,
-    target_normals,
-    target_weights,
-    field,
-    origin,
-    size,
-    e2,
-    slide,
-    oriented,
-    H,
-    g,
-):
+def normal_equations(T, source, target, field, e2, slide, oriented, H, g):
     """Lower half of H (6, 6), and g (6,), of one step of `descend` at the pose T with eps^2 = e2;
     returns the sum of the points' scores."""
-    nx, ny, nz = field.shape
-    inverse = F32(1.0) / size
+    points, normals, weights = source
+    target_points, target_normals, target_weights = target
+    rows, origin, cell = field
+    nx, ny, nz = rows.shape
+    inverse = F32(1.0) / cell
     r00, r01, r02, t0 = F32(T[0, 0]), F32(T[0, 1]), F32(T[0, 2]), F32(T[0, 3])
     r10, r11, r12, t1 = F32(T[1, 0]), F32(T[1, 1]), F32(T[1, 2]), F32(T[1, 3])
     r20, r21, r22, t2 = F32(T[2, 0]), F32(T[2, 1]), F32(T[2, 2]), F32(T[2, 3])
     h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = ZERO
     h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = ZERO
     g0 = g1 = g2 = g3 = g4 = g5 = score = ZERO
-    for i in range(source.shape[0]):
-        sx, sy, sz = source[i, 0], source[i, 1], source[i, 2]
+    for i in range(points.shape[0]):
+        sx, sy, sz = points[i, 0], points[i, 1], points[i, 2]
         px = r00 * sx + r01 * sy + r02 * sz + t0
         py = r10 * sx + r11 * sy + r12 * sz + t1
         pz = r20 * sx + r21 * sy + r22 * sz + t2
         ix = min(max(int((px - origin[0]) * inverse), 0), nx - 1)
         iy = min(max(int((py - origin[1]) * inverse), 0), ny - 1)
         iz = min(max(int((pz - origin[2]) * inverse), 0), nz - 1)
-        j = field[ix, iy, iz]
-        dx, dy, dz = target[j, 0] - px, target[j, 1] - py, target[j, 2] - pz
+        j = rows[ix, iy, iz]
+        dx, dy, dz = target_points[j, 0] - px, target_points[j, 1] - py, target_points[j, 2] - pz
         ax, ay, az = target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]
-        sx, sy, sz = source_normals[i, 0], source_normals[i, 1], source_normals[i, 2]
+        sx, sy, sz = normals[i, 0], normals[i, 1], normals[i, 2]
         agree = (
             ax * (r00 * sx + r01 * sy + r02 * sz)
             + ay * (r10 * sx + r11 * sy + r12 * sz)
@@ -165,57 +152,26 @@ def normal_equations(
     parallel=True,
     **FAST,
 )
-def descend(
-    poses,
-    scores,
-    source,
-    source_normals,
-    weights,
-    target,
-    target_normals,
-    target_weights,
-    field,
-    origin,
-    size,
-    start,
-    end,
-    iterations,
-    slide,
-    oriented,
-):
+def descend(poses, scores, source, target, field, start, end, iterations, slide, oriented):
     """Majorise-minimise the P2 energy of every pose in place; then score it at eps = `end`.
 
-    Each iteration minimises sum w [(n.r)^2 + slide |r|^2], r = y - p, over a small motion, with
-    w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to `end`. Of
-    `oriented` normals those that point apart weigh nothing.
+    source and target are (points, normals, weights), and the field (rows, origin, cell) holds rows
+    of the target. Each iteration minimises sum w [(n.r)^2 + slide |r|^2], r = y - p, over a small
+    motion, with w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to
+    `end`. Of `oriented` normals those that point apart weigh nothing.
     """
     ratio = (end / start) ** (1.0 / max(1, iterations - 1))
     total = ZERO
-    for i in range(source.shape[0]):
-        total += weights[i]
+    for weight in source[2]:
+        total += weight
     for c in prange(poses.shape[0]):
         T = poses[c].copy()
         H = np.empty((6, 6), np.float64)
         g = np.empty(6, np.float64)
         for iteration in range(iterations + 1):
             eps = end if iteration == iterations else start * ratio**iteration
-            score = normal_equations(
-                T,
-                source,
-                source_normals,
-                weights,
-                target,
-                target_normals,
-                target_weights,
-                field,
-                origin,
-                size,
-                F32(eps * eps),
-                slide,
-                oriented,
-                H,
-                g,
-            )
+            e2 = F32(eps * eps)
+            score = normal_equations(T, source, target, field, e2, slide, oriented, H, g)
             if iteration == iterations:
                 scores[c] = score / total
             else:

@@ -115,8 +115,8 @@ def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
     x, n, w = model.points[rows], model.normals[rows], model.weights[rows]
     eps, poses, scores = 0.03, starts.copy(), np.empty(40, np.float32)
     descend(
-        poses, scores, x, n, w, model.points, model.normals, model.weights,
-        field.rows, field.origin, field.cell,
+        poses, scores, (x, n, w), (model.points, model.normals, model.weights),
+        (field.rows, field.origin, field.cell),
         np.float32(0.15), np.float32(eps), 12, np.float32(0.02), False,
     )  # fmt: skip
     assert min(rotation_error(T, np.eye(4)) for T in starts) > 8
