@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.extent import extent
 from mpe_core.kernels.cells import (
     LAST_CELL,
-    bounds,
     cell_means,
     keys_of_cells,
     nearest_within,
@@ -18,7 +18,7 @@ from mpe_core.kernels.cells import (
     sort_by_cell,
 )
 from mpe_core.kernels.local_planes import local_planes
-from mpe_core.kernels.rows import rows_by_cell
+from mpe_core.kernels.rows import columns_at, rows_by_cell
 
 Points = NDArray[np.float32]
 
@@ -26,8 +26,9 @@ Points = NDArray[np.float32]
 def grid(points: Points, size: float) -> tuple[Points, np.float32]:
     """Origin (3,) and cell size of a grid over the points (N, 3): the size asked for, or the
     smallest that numbers every cell."""
-    low, high = bounds(points)
-    return low, np.float32(max(size, float((high - low).max()) / (LAST_CELL - 2)))
+    reached = extent(points)
+    edge = max(size, float((reached.high - reached.low).max()) / (LAST_CELL - 2))
+    return reached.low.astype(np.float32), np.float32(edge)
 
 
 def thin(points: Points, size: float) -> Points:
@@ -85,11 +86,10 @@ class CellList:
         self._origin, self.reach = grid(points, reach)
         self._keys, self._slots, cell_of, counts = number_cells(points, self._origin, self.reach)
         order = np.argsort(keys_of_cells(self._keys, self._slots, len(counts)))
-        self._columns, self.starts, self.rows = sort_by_cell(
-            points, self._keys, self._slots, cell_of, counts, order
-        )
+        self.starts, self.rows = sort_by_cell(self._keys, self._slots, cell_of, counts, order)
         """Where each cube's points start in `points`, and the row of the given cloud that each came
         from."""
+        self._columns = columns_at(points, self.rows)
         self.count = len(counts)
         """How many cubes hold points."""
 

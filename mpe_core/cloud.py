@@ -14,6 +14,8 @@ from mpe_core.errors import (
     InvalidWeightsError,
     TooFewPointsError,
 )
+from mpe_core.extent import Extent, extent, scatter
+from mpe_core.kernels.extent import centred
 
 LARGEST_COORDINATE = 1e15
 """Beyond it float64 resolves no more than an eighth of the unit."""
@@ -38,12 +40,23 @@ class Cloud:
 
     points: NDArray[np.float64]
     """(N, 3) finite points, C-contiguous; never the caller's own memory when rows were dropped."""
-    index: NDArray[np.int64]
-    """(N,) rows of the caller's array that the points came from."""
+    kept: NDArray[np.int64] | None
+    """(N,) rows of the caller's array that the points came from; None for all, in their order."""
     dropped: int
     """Rows left out because of NaN or infinity."""
+    extent: Extent
     weights: NDArray[np.float64] | None = None
     """(N,) the caller's weights K_i, at least 3 of them above 0."""
+
+    def given(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the caller's array from rows of `points`."""
+        return rows if self.kept is None else self.kept[rows]
+
+    def centre(self) -> NDArray[np.float64]:
+        """(3,) centre of mass."""
+        if self.weights is None:
+            return self.extent.mean
+        return np.average(self.heavy(self.points), axis=0, weights=self.masses())
 
     def heavy(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Those of the rows (N, ...) whose points weigh anything."""
@@ -115,26 +128,30 @@ def as_points(cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None =
         Not (N,) weights of 0 or more, at least 3 of them above 0.
     """
     array = _as_array(cloud, name)
-    finite = np.isfinite(array)
-    K = None if weights is None else _as_weights(weights, len(array), name)
-    if K is not None:
-        finite &= np.isfinite(K)[:, None]
-    index = np.arange(len(array)) if finite.all() else np.flatnonzero(finite.all(axis=1))
-    if len(index) < 3:
+    points = np.ascontiguousarray(array, np.float64)
+    K = None if weights is None else _as_weights(weights, len(points), name)
+    reached, kept = extent(points), None
+    if not np.isfinite(reached.mean).all() or (K is not None and not np.isfinite(K).all()):
+        finite = np.isfinite(array).all(axis=1)
+        kept = np.flatnonzero(finite if K is None else finite & np.isfinite(K))
+        points, K = points[kept], None if K is None else K[kept]
+    if len(points) < 3:
         raise TooFewPointsError(
-            f"{name} needs at least 3 finite points, got {len(index)} of {len(array)} rows"
+            f"{name} needs at least 3 finite points, got {len(points)} of {len(array)} rows"
         )
-    points = np.ascontiguousarray(array if len(index) == len(array) else array[index], np.float64)
-    _check_range(points, index, name)
-    _check_thickness(points, name)
+    if kept is not None:
+        reached = extent(points)
+    found = Cloud(points, kept, len(array) - len(points), reached, K)
+    _check_range(found, name)
+    _check_thickness(points, reached, name)
     if K is not None:
-        K = K[index]
-        if (K > 0).sum() < 3:
+        heavy = found.heavy(points)
+        if len(heavy) < 3:
             raise InvalidWeightsError(
-                f"at least 3 weights of the {name} must be above 0, {(K > 0).sum()} of {len(K)} are"
+                f"at least 3 weights of the {name} must be above 0, {len(heavy)} of {len(K)} are"
             )
-        _check_thickness(points[K > 0], name)
-    return Cloud(points, index, len(array) - len(index), K)
+        _check_thickness(heavy, extent(heavy), name)
+    return found
 
 
 def _as_weights(weights: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
@@ -162,18 +179,23 @@ def _as_weights(weights: ArrayLike, count: int, name: str) -> NDArray[np.float64
 def as_pair(source: Cloud, target: Cloud) -> Pair:
     """Centre both clouds on their centres of mass and scale them by the smaller radius, that of the
     points that weigh anything."""
-    source_centre = np.average(source.heavy(source.points), axis=0, weights=source.masses())
-    target_centre = np.average(target.heavy(target.points), axis=0, weights=target.masses())
-    x, y = source.points - source_centre, target.points - target_centre
-    small, large = sorted((radius(source.heavy(x)), radius(target.heavy(y))))
+    centres = source.centre(), target.centre()
+    small, large = sorted(
+        radius(cloud.heavy(cloud.points), centre)
+        for cloud, centre in zip((source, target), centres, strict=True)
+    )
     unit = max(small, LEAST_RATIO * large)
-    return Pair(x / unit, y / unit, source_centre, target_centre, unit)
+    x, y = (
+        centred(cloud.points, centre, unit)
+        for cloud, centre in zip((source, target), centres, strict=True)
+    )
+    return Pair(x, y, *centres, unit)
 
 
-def radius(centred: NDArray[np.float64]) -> float:
-    """Distance from the origin within which 98 % of the points lie, from every k-th of many; the
-    largest if that is zero."""
-    some = centred[:: max(1, len(centred) // RADIUS_SAMPLE)]
+def radius(points: NDArray[np.float64], centre: NDArray[np.float64]) -> float:
+    """Distance from the centre (3,) within which 98 % of the points lie, from every k-th of many;
+    the largest if that is zero."""
+    some = points[:: max(1, len(points) // RADIUS_SAMPLE)] - centre
     distance = np.sqrt(np.einsum("ni,ni->n", some, some))
     return float(np.quantile(distance, 0.98)) or float(distance.max())
 
@@ -194,27 +216,25 @@ def _as_array(cloud: ArrayLike, name: str) -> NDArray[np.generic]:
     raise CloudShapeError(f"{name} must have shape (N, 3), got {array.shape}")
 
 
-def _check_range(points: NDArray[np.float64], index: NDArray[np.int64], name: str) -> None:
-    if max(points.max(), -points.min()) > LARGEST_COORDINATE:
-        row, column = np.unravel_index(np.argmax(np.abs(points)), points.shape)
+def _check_range(cloud: Cloud, name: str) -> None:
+    if cloud.extent.largest > LARGEST_COORDINATE:
+        row, column = np.unravel_index(np.argmax(np.abs(cloud.points)), cloud.points.shape)
         raise CoordinateRangeError(
-            f"{name} has coordinate {points[row, column]:g} in row {index[row]}; "
-            f"at most {LARGEST_COORDINATE:g} is exact enough, remove the point or change the unit"
+            f"{name} has coordinate {cloud.points[row, column]:g} in row"
+            f" {cloud.given(np.array([row]))[0]};"
+            f" at most {LARGEST_COORDINATE:g} is exact enough, remove the point or change the unit"
         )
 
 
-def _check_thickness(points: NDArray[np.float64], name: str) -> None:
-    centred = points - points.mean(axis=0)
-    length = max(centred.max(), -centred.min())
-    rounding = 8 * np.finfo(np.float64).eps * max(points.max(), -points.min())
+def _check_thickness(points: NDArray[np.float64], reached: Extent, name: str) -> None:
+    length = reached.length
+    rounding = 8 * np.finfo(np.float64).eps * reached.largest
     if length <= rounding:
         raise DegenerateCloudError(f"all points of {name} lie in one place")
-    centred /= length
-    spread, axes = np.linalg.eigh(np.einsum("ni,nj->ij", centred, centred))
+    spread, axes = np.linalg.eigh(scatter(points, reached))
     if spread[1] > len(points) * (1e3 * (THINNEST + rounding / length)) ** 2:
         return  # too thick on the average for the exact test to refuse it
-    axis = axes[:, 2]
-    off_axis = np.abs(np.cross(centred, axis)).max()
+    off_axis = np.abs(np.cross(centred(points, reached.mean, length), axes[:, 2])).max()
     if off_axis <= THINNEST + rounding / length:
         raise DegenerateCloudError(
             f"all points of {name} lie on one line; the rotation about it cannot be told"

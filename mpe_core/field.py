@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.cells import bounds
+from mpe_core.extent import extent
 from mpe_core.kernels.lattice import nearest_index
 from mpe_core.surface import Surface
 
@@ -34,10 +34,10 @@ class NearestField:
 
 def nearest_field(surface: Surface) -> NearestField:
     """Sample the nearest point of the surface on a lattice around it."""
-    low, high = bounds(surface.points)
-    origin = low - np.float32(MARGIN)
-    extent = high + np.float32(MARGIN) - origin
-    cell = max(CELL, float(np.cbrt(np.prod(extent.astype(np.float64)) / MOST_CELLS)))
-    shape = np.ceil(extent / cell).astype(np.int64) + 1
+    reached = extent(surface.points)
+    origin = (reached.low - MARGIN).astype(np.float32)
+    size = reached.high + MARGIN - origin
+    cell = max(CELL, float(np.cbrt(np.prod(size) / MOST_CELLS)))
+    shape = np.ceil(size / cell).astype(np.int64) + 1
     rows: NDArray[np.int32] = nearest_index(surface.points, origin, np.float32(cell), shape)
     return NearestField(surface, rows, origin, np.float32(cell))

@@ -12,7 +12,7 @@ from mpe_core.field import NearestField
 from mpe_core.kernels.votes import FACE, best_translations
 from mpe_core.kernels.waves import descend
 from mpe_core.knowledge import Knowledge
-from mpe_core.sampling import even_rows, weighted_rows
+from mpe_core.sampling import even_rows
 from mpe_core.surface import Surface
 
 Poses = NDArray[np.float64]
@@ -67,15 +67,15 @@ class Effort:
 # The 85 shared pairs, three starts each: quick finds all but dragon 72-0 (0.15 overlap by area),
 # wide that one too; with 512 candidates and 48 kept it does so from one start in three.
 QUICK = Effort(
-    rotations=1152,
-    source_points=96,
-    target_points=384,
+    rotations=576,
+    source_points=64,
+    target_points=256,
     cell=0.12,
-    candidates=128,
+    candidates=96,
     waves=(
         Wave(200, 0.15, 0.05, 6, 16),
-        Wave(1000, 0.06, 0.03, 8, 4),
-        Wave(3000, 0.06, 0.02, 16, 4),
+        Wave(800, 0.06, 0.03, 6, 4),
+        Wave(2000, 0.06, 0.02, 10, 4),
     ),
 )
 WIDE = Effort(
@@ -119,7 +119,7 @@ def find_poses(
     rng = np.random.default_rng(seed)
     poses = _vote(source, field.surface, effort, knowledge, rng)
     report(0.5)
-    order = weighted_rows(source.weights > 0, len(source.points), rng)
+    order = rng.permutation(np.flatnonzero(source.weights > 0))
     # below the noise there is nothing to descend to
     least_eps = 1.5 * max(source.roughness, field.surface.roughness)
     for k, wave in enumerate(effort.waves):

@@ -144,7 +144,7 @@ def _inliers(
     row = nearest_rows(moved, pair.target, threshold / pair.unit)
     distance = pair.unit * row_distances(moved, pair.target, row)
     close = np.flatnonzero(distance <= threshold)
-    return Inliers(source.index[close], target.index[row[close]], distance[close], threshold)
+    return Inliers(source.given(close), target.given(row[close]), distance[close], threshold)
 
 
 def _warnings(
@@ -171,7 +171,8 @@ def _warnings(
             " may overlap too little, or show different things"
         )
         mismatch = unit_mismatch(
-            radius(source.heavy(pair.source)), radius(target.heavy(pair.target))
+            radius(source.heavy(source.points), pair.source_centre),
+            radius(target.heavy(target.points), pair.target_centre),
         )
         texts += [mismatch] if mismatch else []
     if rivals:

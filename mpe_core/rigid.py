@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.kernels.rows import transformed
+
 Array = NDArray[np.float64]
 
 ORTHONORMALITY = 1e-6
@@ -21,8 +23,8 @@ def pose(R: Array, t: Array) -> Array:
 def apply(T: Array, points: Array | NDArray[np.float32]) -> Array:
     """(N, 3) points R x + t."""
     # no matrix product: BLAS may round differently with another number of threads
-    turned: Array = np.einsum("nj,ij->ni", points, T[:3, :3])
-    return turned + T[:3, 3]
+    found: Array = transformed(np.ascontiguousarray(T), np.ascontiguousarray(points))
+    return found
 
 
 def inverse(T: Array) -> Array:

@@ -31,8 +31,11 @@ def weighted_rows(
     weight, in an order whose every prefix is such a sample (Efraimidis and Spirakis 2006)."""
     w = np.asarray(weights, np.float64)
     usable = np.flatnonzero(w > 0)
-    keys = np.log(rng.random(len(usable))) / w[usable]
-    return usable[np.argsort(-keys, kind="stable")[:count]]
+    keys = -np.log(rng.random(len(usable))) / w[usable]
+    if count < len(usable):
+        first = np.argpartition(keys, count)[:count]
+        usable, keys = usable[first], keys[first]
+    return usable[np.argsort(keys, kind="stable")]
 
 
 def proportional_rows(weights: NDArray[np.generic], count: int) -> NDArray[np.int64]:

@@ -116,13 +116,12 @@ def keys_of_cells(keys, slots, cells):
 
 
 @njit(
-    "Tuple((float32[:, ::1], int32[::1], int32[::1]))"
-    "(float32[:, ::1], int64[::1], int32[::1], int32[::1], int32[::1], int64[::1])",
+    "UniTuple(int32[::1], 2)(int64[::1], int32[::1], int32[::1], int32[::1], int64[::1])",
     cache=True,
 )
-def sort_by_cell(points, keys, slots, cell_of, counts, order):
-    """Points in the `order` of cells, whose numbers in `slots` become their places in it: (columns,
-    starts, original row of each column)."""
+def sort_by_cell(keys, slots, cell_of, counts, order):
+    """Points in the `order` of cells, whose numbers in `slots` become their places in it: (starts,
+    original row of each column)."""
     cells = counts.shape[0]
     rank = np.empty(cells, np.int32)
     starts = np.zeros(cells + 1, np.int32)
@@ -133,16 +132,12 @@ def sort_by_cell(points, keys, slots, cell_of, counts, order):
         if keys[slot] != -1:
             slots[slot] = rank[slots[slot]]
     place = starts[:-1].copy()
-    columns = np.empty((3, points.shape[0]), np.float32)
-    rows = np.empty(points.shape[0], np.int32)
-    for i in range(points.shape[0]):
+    rows = np.empty(cell_of.shape[0], np.int32)
+    for i in range(cell_of.shape[0]):
         cell = rank[cell_of[i]]
-        k = place[cell]
-        place[cell] = k + 1
-        for a in range(3):
-            columns[a, k] = points[i, a]
-        rows[k] = i
-    return columns, starts, rows
+        rows[place[cell]] = i
+        place[cell] += 1
+    return starts, rows
 
 
 @njit("Tuple((float32[:, ::1], int32[::1]))(float32[:, ::1], float32[::1], float32)", cache=True)
@@ -229,6 +224,22 @@ def least_squared(qx, qy, qz, best, px, py, pz):
 
 
 @njit(
+    "int32(float32, float32, float32, float32, float32[::1], float32[::1], float32[::1])",
+    cache=True,
+    fastmath=True,
+)
+def first_as_near(qx, qy, qz, best, px, py, pz):
+    """The first column whose squared distance from the query is `best`, but for rounding."""
+    limit = best * F32(1.000001) + F32(1e-30)
+    first = none = np.int32(px.shape[0])
+    # no way out of the loop, so that the compiler turns it into vectors
+    for j in range(px.shape[0]):
+        dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
+        first = min(first, np.int32(j) if dx * dx + dy * dy + dz * dz <= limit else none)
+    return first
+
+
+@njit(
     "Tuple((int32[::1], float32[::1]))"
     "(float32[:, ::1], float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1], float32)",
     cache=True,
@@ -259,23 +270,7 @@ def nearest_within(queries, columns, starts, keys, slots, origin, radius):
                 least = least_squared(qx, qy, qz, best, x[a:b], y[a:b], z[a:b])
                 if least < best:
                     best, first, last = least, a, b
-        # the run is known: which of its columns it is
-        best, column = np.float32(np.inf), np.int32(-1)
-        for k in range(first, last):
-            dx, dy, dz = x[k] - qx, y[k] - qy, z[k] - qz
-            d = dx * dx + dy * dy + dz * dz
-            if d < best:
-                best, column = d, np.int32(k)
-        nearest[i], squared[i] = column, best
+        if last > first:
+            column = first_as_near(qx, qy, qz, best, x[first:last], y[first:last], z[first:last])
+            nearest[i], squared[i] = np.int32(first) + column, best
     return nearest, squared
-
-
-@njit("UniTuple(float32[::1], 2)(float32[:, ::1])", cache=True)
-def bounds(points):
-    """Lowest and highest coordinates of the points (N, 3); numpy takes ten times as long."""
-    low, high = points[0].copy(), points[0].copy()
-    for i in range(points.shape[0]):
-        for a in range(3):
-            low[a] = min(low[a], points[i, a])
-            high[a] = max(high[a], points[i, a])
-    return low, high

@@ -18,6 +18,24 @@ def rows_by_cell(cell_of, counts):
     return rows
 
 
+@njit(
+    [
+        "float64[:, ::1](float64[:, ::1], float64[:, ::1])",
+        "float64[:, ::1](float64[:, ::1], float32[:, ::1])",
+    ],
+    cache=True,
+    parallel=True,
+)
+def transformed(T, points):
+    """(N, 3) points R x + t."""
+    found = np.empty((points.shape[0], 3), np.float64)
+    for i in prange(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for a in range(3):
+            found[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
+    return found
+
+
 @njit("float32[:, ::1](float32[:, ::1], int32[::1])", cache=True, parallel=True)
 def points_at(points, rows):
     """(N, 3) points at the rows (N,)."""
@@ -25,6 +43,16 @@ def points_at(points, rows):
     for i in prange(rows.shape[0]):
         for a in range(3):
             found[i, a] = points[rows[i], a]
+    return found
+
+
+@njit("float32[:, ::1](float32[:, ::1], int32[::1])", cache=True, parallel=True)
+def columns_at(points, rows):
+    """(3, N) points at the rows (N,)."""
+    found = np.empty((3, rows.shape[0]), np.float32)
+    for i in prange(rows.shape[0]):
+        for a in range(3):
+            found[a, i] = points[rows[i], a]
     return found
 
 

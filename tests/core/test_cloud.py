@@ -33,7 +33,7 @@ def test_any_real_array_gives_the_same_points(given):
     assert cloud.points.dtype == np.float64
     assert cloud.points.flags.c_contiguous
     np.testing.assert_array_equal(cloud.points, TETRAHEDRON)
-    np.testing.assert_array_equal(cloud.index, [0, 1, 2, 3])
+    np.testing.assert_array_equal(cloud.given(np.arange(4)), [0, 1, 2, 3])
     assert cloud.dropped == 0
 
 
@@ -42,7 +42,7 @@ def test_rows_that_are_not_finite_are_dropped_and_the_others_keep_their_rows():
     before = rows.copy()
     cloud = as_points(rows)
     assert cloud.dropped == 2
-    np.testing.assert_array_equal(cloud.index, [1, 2, 4, 5])
+    np.testing.assert_array_equal(cloud.given(np.arange(4)), [1, 2, 4, 5])
     np.testing.assert_array_equal(cloud.points, TETRAHEDRON)
     np.testing.assert_array_equal(rows, before)
 
@@ -68,6 +68,9 @@ def test_rows_that_are_not_finite_are_dropped_and_the_others_keep_their_rows():
         (np.full((5, 3), 4e6), DegenerateCloudError, "one place"),
         (np.outer(np.arange(9), [1, 2, 3]), DegenerateCloudError, "one line"),
         (4e6 + np.outer(np.arange(9), [0.1, 0.2, 0.3]), DegenerateCloudError, "one line"),
+        (np.full((9999, 3), 0.1), DegenerateCloudError, "one place"),
+        (0.1 + np.outer(np.arange(9999), [1, 2, 3]), DegenerateCloudError, "one line"),
+        (4e6 + np.outer(np.arange(9999), [1e-5, 2e-5, 3e-5]), DegenerateCloudError, "one line"),
     ],
 )
 def test_bad_clouds_are_refused_with_a_reason(given, error, says):
