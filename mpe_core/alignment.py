@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mpe_core.cells import CellList, LocalPlanes, Points
 from mpe_core.confidence import Evidence, evidence, sharp_distance
 from mpe_core.field import NearestField, nearest_field
-from mpe_core.global_search import QUICK, WIDE, Candidates, Effort, distinct, find_poses
+from mpe_core.global_search import EFFORTS, Candidates, Effort, distinct, find_poses
 from mpe_core.knowledge import Knowledge
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import (
@@ -201,19 +201,19 @@ class Alignment:
 
 
 def align(alignment: Alignment, progress: Progress) -> list[Aligned]:
-    """The pose with the best evidence, then those that have as much of it; a wide search follows a
-    quick one that does not convince."""
+    """The pose with the best evidence, then those that have as much of it; a wider search follows
+    one that does not convince."""
     found: list[Aligned] = []
-    for effort in (QUICK, WIDE):
+    for effort in EFFORTS:
         with progress.stage("search") as report:
             candidates = alignment.search(effort, report)
         with progress.stage("refine") as report:
             for k, T in enumerate(candidates.poses):
                 report(k / len(candidates.poses))
-                if _convincing(found) and candidates.scores[k] < RIVAL * candidates.scores[0]:
+                if _enough(found, effort) and candidates.scores[k] < RIVAL * candidates.scores[0]:
                     break
                 found.append(alignment.polish(T))
-        if _convincing(found):
+        if _enough(found, effort):
             break
     return _equals(sorted(found, key=lambda pose: pose.evidence.rank, reverse=True))
 
@@ -234,8 +234,8 @@ def _equals(found: list[Aligned]) -> list[Aligned]:
     ]
 
 
-def _convincing(found: list[Aligned]) -> bool:
-    return any(pose.evidence.accepted for pose in found)
+def _enough(found: list[Aligned], effort: Effort) -> bool:
+    return any(pose.evidence.confidence >= effort.enough for pose in found)
 
 
 def _noise(x: Surface, y: Surface, T: Pose) -> float:

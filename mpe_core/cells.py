@@ -50,6 +50,11 @@ def thin_weighted(
     return means, (total / counts).astype(np.float32)
 
 
+def crowd(points: Points, size: float) -> float:
+    """Mean number of the points (N, 3) in an occupied cube of edge `size`."""
+    return len(points) / len(number_cells(points, *grid(points, size))[3])
+
+
 def cube_order(points: Points, size: float) -> NDArray[np.int32]:
     """(N,) rows of the points (N, 3), cube by cube of edge `size`."""
     _, _, cell, counts = number_cells(points, *grid(points, size))
@@ -79,7 +84,7 @@ class LocalPlanes:
 
 
 class CellList:
-    """A fixed cloud (M, 3) in cubes of edge `reach`, asked for what lies within reach of any
+    """A fixed cloud (M, 3) in cubes of edge `reach`, asked for what lies within that reach of any
     point."""
 
     def __init__(self, points: Points, reach: float) -> None:
@@ -90,18 +95,19 @@ class CellList:
         """Where each cube's points start in `points`, and the row of the given cloud that each came
         from."""
         self._columns = columns_at(points, self.rows)
-        self.count = len(counts)
-        """How many cubes hold points."""
 
     @cached_property
     def points(self) -> Points:
         """(M, 3) the cloud in the order of its cubes."""
         return np.ascontiguousarray(self._columns.T)
 
-    def nearest(self, queries: Points) -> tuple[NDArray[np.int32], Points]:
+    def nearest(
+        self, queries: Points, within: float | None = None
+    ) -> tuple[NDArray[np.int32], Points]:
         """(N,) rows of `points` nearest to queries (N, 3) and their squared distances; -1 and
-        infinity where nothing is within reach."""
-        row, squared = nearest_within(queries, *self._grid())
+        infinity where nothing is within reach, or a shorter distance."""
+        most = self.reach if within is None else min(self.reach, np.float32(within))
+        row, squared = nearest_within(queries, most, *self._grid())
         return row, squared
 
     def planes(self, queries: Points) -> LocalPlanes:

@@ -54,9 +54,10 @@ class Cloud:
 
     def centre(self) -> NDArray[np.float64]:
         """(3,) centre of mass."""
-        if self.weights is None:
-            return self.extent.mean
-        return np.average(self.heavy(self.points), axis=0, weights=self.masses())
+        K = self.masses()
+        if K is not None:
+            return np.average(self.heavy(self.points), axis=0, weights=K)
+        return self.extent.mean if self.weights is None else extent(self.heavy(self.points)).mean
 
     def heavy(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Those of the rows (N, ...) whose points weigh anything."""

@@ -41,9 +41,8 @@ camera and a scan of the bunny (shares 0.37 to 0.89; with it the fgr pairs end 0
 without it 0.105); others have 0.92 to 1.7, and facades would end 0.11 degrees off instead of
 0.03."""
 
-FIRST_CUT, FIRST_POINTS = 3.0, 1000
-"""The first steps, which bring the pose near, cut off this many times later and take that many of
-the points."""
+FIRST_CUT = 3.0
+"""The first steps, which bring the pose near, cut off this many times later."""
 
 STILL = 2e-5
 """A step that turns by fewer radians (0.001 degrees) and moves by fewer radii ends the iteration:
@@ -167,10 +166,10 @@ def point_to_plane(
     steps within the `motions` (6, K)."""
     iterations = 0
     most = min(max_iterations, MOST_STEPS)
-    for cut, some in ((FIRST_CUT * target.cut, source.part(FIRST_POINTS)), (target.cut, source)):
+    for cut in (FIRST_CUT * target.cut, target.cut):
         converged = False
         while not converged and iterations < most:
-            H, g = equations(nearest_planes(some, target, T, smooth=smooth), cut)
+            H, g = equations(nearest_planes(source, target, T, smooth=smooth), cut)
             iterations += 1
             # a share of the trace holds the directions in which the surface slides on itself
             H += (1e-9 * np.trace(H) + 1e-30) * np.eye(6)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList, Points, thin
+from mpe_core.cells import CellList, LocalPlanes, Points, thin
 
 VOXEL = 0.015
 """Edge of the thinning cubes in radii of the smaller cloud (design study: 1.2-1.5 % keeps all 85
@@ -29,6 +29,9 @@ FLAT_WEIGHT = 0.02
 SUPPORT = 6.0
 """Radius over the spacing of the points that a plane is fitted to, some 110 of them: a wide
 neighbourhood of a dense cloud has ten times as many and no better plane."""
+
+PROBES = 1500
+"""Points, or up to twice as many, that these and the spacing are told from."""
 
 SPARSE = 0.3
 """Places with fewer neighbours than this share of the median are stray points, of weight 0."""
@@ -55,31 +58,43 @@ class Surface:
 def surface(points: Points, voxel: float = VOXEL) -> Surface:
     """Thin a cloud (N, 3) to one point a voxel and fit a plane of either sign around each."""
     sample = thin(points, voxel)
-    radius = LEAST_RADIUS / VOXEL * voxel
-    most = max(MOST_RADIUS, GROWTH * radius)
-    rough, spacing = most, 0.0
+    radius, roughness, spacing = _neighbourhood(sample, voxel)
     points = CellList(sample, radius).points
-    while True:
-        support = points if radius < SUPPORT * voxel else thin(points, radius / SUPPORT)
-        planes = CellList(support, radius).planes(points)
-        variation, thickness, count = planes.variation, planes.thickness, planes.counts
-        usable = count >= ENOUGH_NEIGHBOURS // 2
-        flat = float(np.median(variation[usable])) if usable.any() else 1.0
-        neighbours = float(np.median(count))
-        if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= most):
-            spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
-        if neighbours >= ENOUGH_NEIGHBOURS:
-            rough = min(rough, float(np.quantile(thickness[usable], 0.25)))
-        if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= most:
-            break
-        radius *= GROWTH
+    planes = _planes(points, sample, radius, voxel)
     return Surface(
         points=points,
         normals=planes.normals,
-        weights=_weights(variation, count),
-        roughness=rough,
+        weights=_weights(planes.variation, planes.counts),
+        roughness=roughness,
         spacing=spacing,
     )
+
+
+def _neighbourhood(sample: Points, voxel: float) -> tuple[float, float, float]:
+    """Radius of the neighbourhoods that hold a surface, roughness and spacing of the points, from
+    some of them."""
+    some = sample[:: max(1, len(sample) // PROBES)].copy()
+    radius = LEAST_RADIUS / VOXEL * voxel
+    most = max(MOST_RADIUS, GROWTH * radius)
+    rough, spacing = most, 0.0
+    while True:
+        planes = _planes(some, sample, radius, voxel)
+        usable = planes.counts >= ENOUGH_NEIGHBOURS // 2
+        flat = float(np.median(planes.variation[usable])) if usable.any() else 1.0
+        neighbours = float(np.median(planes.counts))
+        if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= most):
+            spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
+        if neighbours >= ENOUGH_NEIGHBOURS:
+            rough = min(rough, float(np.quantile(planes.thickness[usable], 0.25)))
+        if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= most:
+            return radius, rough, spacing
+        radius *= GROWTH
+
+
+def _planes(queries: Points, sample: Points, radius: float, voxel: float) -> LocalPlanes:
+    """Planes through the sample around the queries (N, 3)."""
+    support = sample if radius < SUPPORT * voxel else thin(sample, radius / SUPPORT)
+    return CellList(support, radius).planes(queries)
 
 
 def facing(points: Points, normals: Points, viewpoint: NDArray[np.float64]) -> Points:

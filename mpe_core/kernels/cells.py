@@ -241,32 +241,33 @@ def first_as_near(qx, qy, qz, best, px, py, pz):
 
 @njit(
     "Tuple((int32[::1], float32[::1]))"
-    "(float32[:, ::1], float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1], float32)",
+    "(float32[:, ::1], float32, float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1],"
+    " float32)",
     cache=True,
     parallel=True,
 )
-def nearest_within(queries, columns, starts, keys, slots, origin, radius):
-    """Column of the nearest point within `radius` (the cell size) of each query, or -1, and the
-    squared distance."""
+def nearest_within(queries, reach, columns, starts, keys, slots, origin, size):
+    """Column of the nearest point within `reach` (at most the cell size) of each query, or -1, and
+    the squared distance."""
     n = queries.shape[0]
     nearest = np.full(n, np.int32(-1))
     squared = np.full(n, np.float32(np.inf))
     x, y, z = columns[0], columns[1], columns[2]
     for i in prange(n):
         qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, radius)
+        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, size)
         if min(fx, fy, fz) < -1 or max(fx, fy, fz) > LAST_CELL:
             continue
-        best = radius * radius
+        best = reach * reach
         first = last = 0
         for sx in STEPS:
-            gx = gap(sx, ux, radius)
+            gx = gap(sx, ux, size)
             for sy in STEPS:
-                gy = gx + gap(sy, uy, radius)
+                gy = gx + gap(sy, uy, size)
                 ix, iy = np.int64(fx) + sx, np.int64(fy) + sy
                 if gy > best or min(ix, iy) < 0:
                     continue
-                a, b = run(ix, iy, np.int64(fz), uz, radius, best - gy, keys, slots, starts)
+                a, b = run(ix, iy, np.int64(fz), uz, size, best - gy, keys, slots, starts)
                 least = least_squared(qx, qy, qz, best, x[a:b], y[a:b], z[a:b])
                 if least < best:
                     best, first, last = least, a, b
