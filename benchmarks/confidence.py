@@ -19,6 +19,7 @@ from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.alignment import Alignment
+from mpe_core.cloud import Pair as Centred
 from mpe_core.cloud import as_pair, as_points
 from mpe_core.knowledge import Knowledge
 from mpe_core.rigid import apply
@@ -64,16 +65,21 @@ def _foreign() -> list[Result]:
 
 def _judged(source: Array, target: Array, found: Registration) -> Result:
     """Confidence and verdict, and the evidence that they come from."""
-    pair = as_pair(as_points(source), as_points(target))
+    pair, alignment = alignment_of(source, target)
     T = pair.from_caller(found.T_target_source)
-    options = RegistrationOptions()
-    alignment = Alignment(scan(pair.source), scan(pair.target), Knowledge(), options)
     return {
         "confidence": found.confidence,
         "accepted": found.accepted,
         "ambiguous": found.ambiguous,
         **asdict(alignment.judge(T)),
     }
+
+
+def alignment_of(source: Array, target: Array) -> tuple[Centred, Alignment]:
+    """The centred clouds, and what `register` with its defaults makes of them."""
+    pair = as_pair(as_points(source), as_points(target))
+    options = RegistrationOptions()
+    return pair, Alignment(scan(pair.source), scan(pair.target), Knowledge(), options)
 
 
 def _shape(shape: Callable[[np.random.Generator], Array]) -> Result:

@@ -27,13 +27,15 @@ decides which points do, also of wrong poses. Below it are 91 % of the shared pa
 composed from them, and 1 % of all with noise of 0.006 to 0.02 radii. Area under the ROC curve of
 half 1 with that noise 0.986, as with all near points, and 0.965 if only what lies over counts."""
 
-SHARP_WEIGHT, NEAR_WEIGHT, OFFSET = 19.5, 6.1, -18.9
-"""Logistic model of right against wrong, a wrong one counting three times, fitted to half 0: every
-other one of the 85 shared pairs, as they are and with noise of 0.006 to 0.02 radii, and of 244
-impossible ones, half of them as noisy too. Of half 1 it refuses one of 42 right poses and accepts
-none of 122 wrong ones; with noise 13 of 202 and 4 of 91. A model of all near points, fitted
-without noise, has 4 and 13 of these; one without the correction for chance accepted two to three of
-each 60 impossible ones."""
+SHARP_WEIGHT, NEAR_WEIGHT, OFFSET = 17.9, 7.0, -18.5
+"""Logistic model of right against wrong, a wrong one counting twice, fitted to half 0 of the shared
+and of 240 impossible pairs, as they are and with noise of 0.006 to 0.02 radii (`python -m
+benchmarks calibration`). Of the half that it was not fitted to, it refuses one of 42 right poses
+and accepts none of 120 wrong ones; with noise 13 of 201 and 7 of 120. A wrong one counting once
+accepts 11 of these, three times 6, and refuses 9 and 16 right ones. Chance, spacing or the number
+of points as a third term change none of these by more than two. A model of all near points, fitted
+without noise, accepted 13 of 91 with noise; one without the correction for chance two to three of
+each 60 without."""
 
 MOST_CHANCE = 0.9
 """So that one is left to tell; the shared pairs have 0.11 to 0.38."""

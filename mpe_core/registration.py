@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpe_core.alignment import Aligned, Alignment, align
+from mpe_core.alignment import Aligned, Alignment
 from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
 from mpe_core.kernels.rows import row_distances
 from mpe_core.knowledge import Knowledge
+from mpe_core.mpl import align
 from mpe_core.neighbours import nearest_rows
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper import as_printed
