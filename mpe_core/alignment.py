@@ -97,7 +97,7 @@ class Alignment:
         overlap = self._options.overlap or 1.0
         return evidence(sample, self._planes, T, self._sharp, self._spacing, overlap)
 
-    def promising(self, poses: NDArray[np.float64]) -> list[int]:
+    def promising(self, poses: NDArray[np.float64], report: Callable[[float], None]) -> list[int]:
         """Rows of up to MOST_POLISHED of the poses (K, 4, 4): those for which most speaks after a
         short polish of some points."""
         rows = list(range(len(poses)))
@@ -105,7 +105,8 @@ class Alignment:
             return rows[:MOST_POLISHED]
         probe = self._sample.part(PROBED_POINTS)
         confidence = []
-        for T in poses:
+        for done, T in enumerate(poses):
+            report(done / len(poses))
             start = self._oriented(self._knowledge.level(T))
             found = point_to_plane(probe, self._planes, start, self._motions, SHORT)
             confidence.append(self._evidence(probe, found.T).confidence)

@@ -26,9 +26,9 @@ def align(alignment: Alignment, progress: Progress) -> list[Aligned]:
         with progress.stage("search") as report:
             candidates = alignment.search(effort, report)
         with progress.stage("refine") as report:
-            rows = alignment.promising(candidates.poses)
+            rows = alignment.promising(candidates.poses, lambda share: report(share / 2))
             for done, k in enumerate(rows):
-                report(done / len(rows))
+                report(0.5 + 0.5 * done / len(rows))
                 rival = candidates.scores[k] >= RIVAL * candidates.scores[0]
                 if rival or not _enough(found, effort):
                     found.append(alignment.polish(candidates.poses[k]))

@@ -59,8 +59,7 @@ class Scan:
         """Fine points, drawn evenly, or each as often as its weight asks for."""
         count = min(len(self.fine), POLISHED_POINTS)
         if self.weights is None:
-            rng = np.random.default_rng(seed)
-            rows = rng.choice(len(self.fine), count, replace=False, shuffle=False)
+            rows = np.random.default_rng(seed).permutation(len(self.fine))[:count]
         else:
             rows = proportional_rows(self.weights, count)
         points = self.fine[np.sort(rows)]

@@ -31,7 +31,7 @@ SUPPORT = 6.0
 neighbourhood of a dense cloud has ten times as many and no better plane."""
 
 PROBES = 1500
-"""Points, or up to twice as many, that these and the spacing are told from."""
+"""Points, or up to twice as many, that radius, roughness and spacing are told from."""
 
 SPARSE = 0.3
 """Places with fewer neighbours than this share of the median are stray points, of weight 0."""
