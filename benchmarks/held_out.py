@@ -1,4 +1,4 @@
-"""Composed pairs: recall beside the peers where nothing was tuned, and where ours ends."""
+"""Composed pairs: recall beside the peers where next to nothing was tuned, and where ours ends."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ def table(result: Result) -> str:
     return (
         f"Pairs that pairs.json does not list: where a chain of its pairs leads from one cloud to "
         "another, their poses are composed (A on B and B on C give A on C), both ways round. The "
-        "clouds are those of pairs.json, but no constant of MPL's poses and no setting of a peer "
-        "was chosen on these pairs; which points the confidence counts was, its weights were not. "
+        "clouds are those of pairs.json, but no setting of a peer was chosen on these pairs. Of MPL "
+        "how many rotations and candidates to look at was, and which points the confidence counts; "
+        "its weights and all other constants were not. "
         f"{_count(asked)} have the overlap of pairs.json, {ASKED} or more; "
         f"{_count(harder)} have less, down to {OVERLAPS[0]}. Turned and moved as those, one start "
         "each, right by the largest tolerances of the suite; errors of right ones. SAC-IA and RoPS "
@@ -72,4 +73,4 @@ def draw(result: Result, figure: Figure) -> None:
     recall.draw(result, figure, OVERLAPS)
 
 
-HELD_OUT = Experiment("held_out", "Real pairs that nothing was tuned on", run, table, draw)
+HELD_OUT = Experiment("held_out", "Real pairs that pairs.json does not list", run, table, draw)
