@@ -37,9 +37,9 @@ def table(result: Result) -> str:
     return (
         f"Pairs that pairs.json does not list: where a chain of its pairs leads from one cloud to "
         "another, their poses are composed (A on B and B on C give A on C), both ways round. The "
-        "clouds are those of pairs.json, but no setting of a peer was chosen on these pairs. Of MPL "
-        "how many rotations and candidates to look at was, and which points the confidence counts; "
-        "its weights and all other constants were not. "
+        "clouds are those of pairs.json, but no setting of a peer was chosen on these pairs. Of "
+        "MPL how many rotations and candidates to look at was, and which points the confidence "
+        "counts; its weights and all other constants were not. "
         f"{_count(asked)} have the overlap of pairs.json, {ASKED} or more; "
         f"{_count(harder)} have less, down to {OVERLAPS[0]}. Turned and moved as those, one start "
         "each, right by the largest tolerances of the suite; errors of right ones. SAC-IA and RoPS "
