@@ -16,9 +16,7 @@ from mpe_core.errors import (
 )
 from mpe_core.extent import Extent, extent, scatter
 from mpe_core.kernels.extent import centred
-
-LARGEST_COORDINATE = 1e15
-"""Beyond it float64 resolves no more than an eighth of the unit."""
+from mpe_core.validity import LARGEST_COORDINATE
 
 LEAST_RATIO = 1e-4
 """Radius of the smaller cloud over that of the larger one that is still resolved: in float32 the

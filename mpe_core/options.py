@@ -8,9 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mpe_core.cloud import LARGEST_COORDINATE
 from mpe_core.errors import InvalidOptionsError
-from mpe_core.rigid import is_rigid
+from mpe_core.validity import LARGEST_COORDINATE, is_rigid
 
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]

@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.kernels.rows import transformed
+from mpe_core.validity import is_rotation
 
 Array = NDArray[np.float64]
-
-ORTHONORMALITY = 1e-6
-"""Largest |R^T R - 1| that still counts as a rotation."""
 
 
 def pose(R: Array, t: Array) -> Array:
@@ -83,16 +81,6 @@ def rotation_error(A: Array, B: Array) -> float:
     D = A[:3, :3].T @ B[:3, :3]
     sine = np.linalg.norm([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     return float(np.degrees(np.arctan2(sine, np.trace(D) - 1)))
-
-
-def is_rotation(R: Array) -> bool:
-    """Whether a (3, 3) matrix is orthonormal and keeps hands."""
-    return bool(np.abs(R.T @ R - np.eye(3)).max() < ORTHONORMALITY and np.linalg.det(R) > 0)
-
-
-def is_rigid(T: Array) -> bool:
-    """Whether a (4, 4) matrix is a rotation and a translation."""
-    return is_rotation(T[:3, :3]) and bool((T[3] == (0, 0, 0, 1)).all())
 
 
 def random_rotation(rng: np.random.Generator) -> Array:

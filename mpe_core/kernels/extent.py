@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import float32, float64, njit, prange, types
 
 ROWS_PER_TASK = 4096
 
+GIVEN = types.Array(float64, 2, "C", readonly=True)
+SINGLE = types.Array(float32, 2, "C", readonly=True)
+"""Points that may be the caller's own memory."""
+
 
 @njit(
-    ["float64[:, :, ::1](float64[:, ::1])", "float64[:, :, ::1](float32[:, ::1])"],
+    [float64[:, :, ::1](GIVEN), float64[:, :, ::1](SINGLE)],
     cache=True,
     parallel=True,
 )
@@ -29,7 +33,7 @@ def extents(points):
     return found
 
 
-@njit("float64[:, :, ::1](float64[:, ::1], float64[::1], float64)", cache=True, parallel=True)
+@njit(float64[:, :, ::1](GIVEN, float64[::1], float64), cache=True, parallel=True)
 def products(points, centre, length):
     """(tasks, 3, 3) sums of v v^T over the points' offsets v from the centre, in lengths."""
     n = points.shape[0]
@@ -44,7 +48,7 @@ def products(points, centre, length):
     return found
 
 
-@njit("float64[:, ::1](float64[:, ::1], float64[::1], float64)", cache=True, parallel=True)
+@njit(float64[:, ::1](GIVEN, float64[::1], float64), cache=True, parallel=True)
 def centred(points, centre, length):
     """(N, 3) the points' offsets from the centre, in lengths."""
     found = np.empty((points.shape[0], 3), np.float64)

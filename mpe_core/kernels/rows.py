@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import float64, njit, prange
+
+from mpe_core.kernels.extent import GIVEN, SINGLE
 
 
 @njit("int32[::1](int32[::1], int32[::1])", cache=True)
@@ -19,10 +21,7 @@ def rows_by_cell(cell_of, counts):
 
 
 @njit(
-    [
-        "float64[:, ::1](float64[:, ::1], float64[:, ::1])",
-        "float64[:, ::1](float64[:, ::1], float32[:, ::1])",
-    ],
+    [float64[:, ::1](GIVEN, GIVEN), float64[:, ::1](GIVEN, SINGLE)],
     cache=True,
     parallel=True,
 )

@@ -105,6 +105,18 @@ def test_the_input_is_not_changed(trial):
     np.testing.assert_array_equal(target, before[1])
 
 
+def test_clouds_may_be_read_only(trial):
+    usual = register(trial.source, trial.target)
+    source, target = trial.source.copy(), trial.target.copy()
+    source.flags.writeable = target.flags.writeable = False
+    found = register(source, target)
+    np.testing.assert_array_equal(found.T_target_source, usual.T_target_source)
+    weight = np.ones(len(source))
+    weight[::2] = 2
+    weight.flags.writeable = False
+    assert register(source, target, source_weights=weight).accepted
+
+
 def test_inliers_name_the_callers_rows(trial):
     source, target = (
         np.insert(trial.source, 5, np.nan, axis=0),
