@@ -8,5 +8,5 @@ SLOW = '{"method": "mpe", "field": "exact", "max_iterations": 10000}'
 
 
 def slow_pair() -> tuple[bytes, bytes]:
-    """Two clouds whose exact double sums take a worker minutes."""
-    return as_npy(arms(1, 60_000)), as_npy(arms(2, 60_000))
+    """Two clouds whose exact double sums take two threads most of a minute."""
+    return as_npy(arms(1, 200_000)), as_npy(arms(2, 200_000))
