@@ -15,6 +15,7 @@ from benchmarks.experiment import DATA, Experiment, Result
 from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from mpe_core import register
+from mpe_core.cloud import as_pair, as_points
 from mpe_core.confidence import Evidence
 from tests.checks import pose_error
 from tests.clouds import Array, real_trial
@@ -62,7 +63,7 @@ def _noisy(
     source: Array, target: Array, noise: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Both clouds with Gaussian noise, in radii of the smaller one."""
-    unit = alignment_of(source, target)[0].unit
+    unit = as_pair(as_points(source), as_points(target)).unit
     x, y = (
         cloud + sigma * unit * rng.normal(size=cloud.shape)
         for cloud, sigma in zip((source, target), noise, strict=True)
@@ -93,7 +94,7 @@ def fit(rows: list[Result]) -> list[float]:
 
 
 def table(result: Result) -> str:
-    rows = [row | _verdict(row, result["fitted"]) for row in result["rows"]]
+    rows = [row | _verdict(row) for row in result["rows"]]
     groups = {}
     for half in (0, 1):
         for name, noisy in (("clean", False), ("with noise", True)):
@@ -111,9 +112,10 @@ def table(result: Result) -> str:
     )
 
 
-def _verdict(row: Result, weights: list[float]) -> Result:
-    logit = float(np.dot(weights, [row["sharp"], row["near"], 1.0]))
-    return {"confidence": 1 / (1 + np.exp(-logit)), "accepted": logit >= 0}
+def _verdict(row: Result) -> Result:
+    """By the weights in use, which a test holds to the fitted ones."""
+    evidence = Evidence(row["near"], row["on"], row["sharp"])
+    return {"confidence": evidence.confidence, "accepted": evidence.accepted}
 
 
 CALIBRATION = Experiment("calibration", "The weights of the confidence", run, table)
