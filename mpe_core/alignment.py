@@ -68,10 +68,16 @@ class Alignment:
     """Source and target prepared for polishing and judging any number of poses."""
 
     def __init__(
-        self, source: Scan, target: Scan, knowledge: Knowledge, options: RegistrationOptions
+        self,
+        source: Scan,
+        target: Scan,
+        knowledge: Knowledge,
+        options: RegistrationOptions,
+        larger: float = 1.0,
     ) -> None:
+        """`larger` is the radius of the larger cloud over that of the smaller one."""
         self.source, self.target, self._options = source, target, options
-        self._knowledge = knowledge
+        self._knowledge, self._larger = knowledge, larger
         rough = max(source.surface.roughness, target.surface.roughness)
         self._sparse = min(len(source.fine), len(target.fine)) <= POTENTIAL_POINTS
         noisy = rough > (NOISY_SPARSE if self._sparse else NOISY)
@@ -95,7 +101,7 @@ class Alignment:
 
     def _evidence(self, sample: Sample, T: Pose) -> Evidence:
         overlap = self._options.overlap or 1.0
-        return evidence(sample, self._planes, T, self._sharp, self._spacing, overlap)
+        return evidence(sample, self._planes, T, self._sharp, self._spacing, overlap, self._larger)
 
     def promising(self, poses: NDArray[np.float64], report: Callable[[float], None]) -> list[int]:
         """Rows of up to MOST_POLISHED of the poses (K, 4, 4): those for which most speaks after a

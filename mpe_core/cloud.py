@@ -84,6 +84,8 @@ class Pair:
     target_centre: NDArray[np.float64]
     unit: float
     """Length of 1 in the caller's unit."""
+    larger: float
+    """Radius of the larger cloud in that unit."""
 
     def to_caller(self, T: NDArray[np.float64]) -> NDArray[np.float64]:
         """(4, 4) pose between the caller's clouds for the pose T between the centred ones."""
@@ -188,7 +190,7 @@ def as_pair(source: Cloud, target: Cloud) -> Pair:
         centred(cloud.points, centre, unit)
         for cloud, centre in zip((source, target), centres, strict=True)
     )
-    return Pair(x, y, *centres, unit)
+    return Pair(x, y, *centres, unit, large / unit)
 
 
 def radius(points: NDArray[np.float64], centre: NDArray[np.float64]) -> float:

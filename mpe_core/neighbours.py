@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mpe_core.cells import CellList, crowd, cube_order
-from mpe_core.kernels.rows import points_at, rows_as_given
+from mpe_core.cells import CellList, occupied
 
 
 class Neighbours:
@@ -37,24 +36,17 @@ WIDE_REACH = 0.1
 PROBE = 0.03
 """Edge in radii of the cubes that tell how dense a cloud is."""
 
-ROOMY = 30
-"""Points a cube that suit a search, on a surface. 40,000 points of the bunny onto as many within
-0.005 radii: 9.4 ms in cubes of that edge, which hold one point; 3.8 / 3.6 / 3.5 / 2.9 / 3.3 with 6
-/ 12 / 24 / 36 / 50. 10 million points onto 10 million, both in random order, seconds of CPU time:
-10.3 in cubes of 220 points, 5.4 / 4.9 / 4.4 with 12 / 24 / 36."""
+ROOMY = 50
+"""Points a cube that suit a search, on a surface. A million points of a tube onto as many, in cubes
+of 6 / 12 / 24 / 50 / 80: 89 / 70 / 59 / 53 / 51 ms; 10 million 1.7 / 1.3 / 0.96 / 0.80 / 0.84 s."""
 
-WIDER = 1.6
-"""Reach over the edge of such cubes from which on a first look in these pays. 3 million points, 70
-a cube of the reach (1.5 times the edge): 1.4 s of CPU time without it, 1.0 with it; 28 a cube: 1.0
-without it, 1.3 with it."""
+WIDER = 2.5
+"""Reach over the edge of such cubes from which on a first look in these pays. A million points with
+2.5: 0.14 s without it and 0.084 with it, but 0.16 and 0.24 where half of them have nothing within
+reach; with 3.8 0.26 and 0.083, 0.23 and 0.24."""
 
-LARGE = 100_000
-"""Queries from which on they are asked cube by cube: 40,000 take as long as they come, 72,000 of a
-LiDAR scan 8.5 ms and 7.0, in which to sort them takes 1."""
-
-BLOCK = 8
-"""Edge of a cube of queries over that of the cloud's. 10 million points onto 10 million took 54 s
-of CPU time with the queries as they came and 25 s cube by cube."""
+PROBED = 300_000
+"""Points, or up to twice as many, that the density is told from."""
 
 
 def nearest_rows(
@@ -67,24 +59,13 @@ def nearest_rows(
         return np.where(row < len(cloud), row, -1)
     single, queries = cloud.astype(np.float32), points.astype(np.float32)
     within = reach * (1 + 1e-5) + 1e-7
+    some = single[:: max(1, len(single) // PROBED)].copy()
     # on a surface the points in a cube go with the square of its edge
-    roomy = PROBE * float(np.sqrt(ROOMY / crowd(single, PROBE)))
+    roomy = PROBE * float(np.sqrt(ROOMY * occupied(some, PROBE) / len(single)))
     if within <= WIDER * roomy:
-        return _rows(CellList(single, max(within, roomy)), queries, within)
-    nearest = _rows(CellList(single, roomy), queries, within)
+        return CellList(single, within, max(within, roomy)).nearest_given(queries)
+    nearest = CellList(single, roomy, roomy).nearest_given(queries)
     alone = np.flatnonzero(nearest < 0)
     if len(alone):
-        nearest[alone] = _rows(CellList(single, within), queries[alone], within)
-    return nearest
-
-
-def _rows(cells: CellList, queries: NDArray[np.float32], within: float) -> NDArray[np.int64]:
-    """(N,) rows of the cloud nearest to queries (N, 3), or -1; many are asked cube by cube: what
-    lies around a cube stays in the processor's cache."""
-    if len(queries) < LARGE:
-        order = np.arange(len(queries), dtype=np.int32)
-    else:
-        order = cube_order(queries, BLOCK * float(cells.reach))
-    row, _ = cells.nearest(points_at(queries, order), within)
-    nearest: NDArray[np.int64] = rows_as_given(row, cells.rows, order)
+        nearest[alone] = CellList(single, within, within).nearest_given(queries[alone])
     return nearest

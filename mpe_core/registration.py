@@ -68,7 +68,7 @@ def register(
         report(0.3)
         scans = _scans(x, y, pair, options)
         report(0.8)
-        alignment = Alignment(*scans, Knowledge.of(options, pair), options)
+        alignment = Alignment(*scans, Knowledge.of(options, pair), options, pair.larger)
     best, *others = _aligned(alignment, x, y, pair, options, progress)
     polished, trust = best.polished, best.evidence
     with progress.stage("refine"):

@@ -128,7 +128,7 @@ def _information(pairs: Nearest, own_normals: Points, T: Array) -> Array:
 
 def _scatter(pairs: Nearest, pulls: Array, patch: float) -> Array:
     """(6, 6) sum over patches of the outer squares of their sums."""
-    cells = CellList(pairs.moved, patch)
+    cells = CellList(pairs.moved, patch, edge=patch)
     sums = np.add.reduceat(pulls[cells.rows], cells.starts[:-1], axis=0)
     return _products(sums, sums)
 

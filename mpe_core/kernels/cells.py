@@ -1,9 +1,9 @@
-"""Cell lists: points hashed into cubes, for thinning and nearest points.
+"""Cell lists: points hashed into cubes, asked for nearest points.
 
-A grid is four arrays: `keys` (table,) int64 cell key or -1, `slots` (table,) int32 cell number,
+A list is four arrays: `keys` (table,) int64 cell key or -1, `slots` (table,) int32 cell number,
 `starts` (cells + 1,) int32, and the points' `columns` (3, N), reordered so that cell c holds
-starts[c]:starts[c+1]. Cells are ordered by their keys: those along z follow each other, and what
-lies in three of them is one run of columns, which the compiler turns into vectors.
+starts[c]:starts[c+1]. Cells along z follow each other: what lies in three of them is one run of
+columns, which the compiler turns into vectors.
 """
 
 from __future__ import annotations
@@ -11,13 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-F32 = np.float32
 LAST_CELL = 2**21 - 2
 """A key holds 21 bits an axis."""
-
-FIRST_TABLE = 2**12
-"""Slots of a table to begin with; it stays at most half full, and small enough for the processor's
-cache where the cells are few."""
 
 
 @njit("int64(int64, int64, int64)", cache=True, inline="always")
@@ -41,120 +36,6 @@ def find_slot(keys, key, mask):
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask
     return slot
-
-
-@njit("Tuple((int64[::1], int32[::1]))(int64[::1], int32[::1])", cache=True)
-def doubled(keys, slots):
-    """The table in twice its size."""
-    larger = np.full(2 * keys.shape[0], np.int64(-1))
-    numbers = np.empty(larger.shape[0], np.int32)
-    for old in range(keys.shape[0]):
-        if keys[old] != -1:
-            slot = find_slot(larger, keys[old], larger.shape[0] - 1)
-            larger[slot] = keys[old]
-            numbers[slot] = slots[old]
-    return larger, numbers
-
-
-@njit(
-    "UniTuple(int64, 2)(float32[:, ::1], float32[::1], float32, int64[::1], int32[::1], int32[::1],"
-    " int32[::1], int64, int64)",
-    cache=True,
-)
-def number_until_half_full(points, origin, size, keys, slots, cell_of, counts, i, cells):
-    """Number the cells of the points from row i on until the table is half full: (next row, number
-    of cells)."""
-    inverse = np.float32(1.0) / size
-    mask = keys.shape[0] - 1
-    while i < points.shape[0] and 2 * cells <= mask:
-        key = cell_key(
-            np.int64((points[i, 0] - origin[0]) * inverse),
-            np.int64((points[i, 1] - origin[1]) * inverse),
-            np.int64((points[i, 2] - origin[2]) * inverse),
-        )
-        slot = find_slot(keys, key, mask)
-        if keys[slot] == -1:
-            keys[slot] = key
-            slots[slot] = cells
-            cells += 1
-        cell_of[i] = slots[slot]
-        counts[slots[slot]] += 1
-        i += 1
-    return i, cells
-
-
-@njit(
-    "Tuple((int64[::1], int32[::1], int32[::1], int32[::1]))"
-    "(float32[:, ::1], float32[::1], float32)",
-    cache=True,
-)
-def number_cells(points, origin, size):
-    """Number the occupied cells in order of first appearance: (keys, slots, cell of point,
-    counts)."""
-    n = points.shape[0]
-    keys = np.full(FIRST_TABLE, np.int64(-1))
-    slots = np.empty(FIRST_TABLE, np.int32)
-    cell_of = np.empty(n, np.int32)
-    counts = np.zeros(n, np.int32)
-    i, cells = number_until_half_full(points, origin, size, keys, slots, cell_of, counts, 0, 0)
-    while i < n:
-        keys, slots = doubled(keys, slots)
-        i, cells = number_until_half_full(
-            points, origin, size, keys, slots, cell_of, counts, i, cells
-        )
-    return keys, slots, cell_of, counts[:cells]
-
-
-@njit("int64[::1](int64[::1], int32[::1], int64)", cache=True)
-def keys_of_cells(keys, slots, cells):
-    """(cells,) key of each numbered cell."""
-    found = np.empty(cells, np.int64)
-    for slot in range(keys.shape[0]):
-        if keys[slot] != -1:
-            found[slots[slot]] = keys[slot]
-    return found
-
-
-@njit(
-    "UniTuple(int32[::1], 2)(int64[::1], int32[::1], int32[::1], int32[::1], int64[::1])",
-    cache=True,
-)
-def sort_by_cell(keys, slots, cell_of, counts, order):
-    """Points in the `order` of cells, whose numbers in `slots` become their places in it: (starts,
-    original row of each column)."""
-    cells = counts.shape[0]
-    rank = np.empty(cells, np.int32)
-    starts = np.zeros(cells + 1, np.int32)
-    for c in range(cells):
-        rank[order[c]] = c
-        starts[c + 1] = starts[c] + counts[order[c]]
-    for slot in range(keys.shape[0]):
-        if keys[slot] != -1:
-            slots[slot] = rank[slots[slot]]
-    place = starts[:-1].copy()
-    rows = np.empty(cell_of.shape[0], np.int32)
-    for i in range(cell_of.shape[0]):
-        cell = rank[cell_of[i]]
-        rows[place[cell]] = i
-        place[cell] += 1
-    return starts, rows
-
-
-@njit("Tuple((float32[:, ::1], int32[::1]))(float32[:, ::1], float32[::1], float32)", cache=True)
-def cell_means(points, origin, size):
-    """Mean and count of the points of each occupied cell."""
-    _, _, cell_of, counts = number_cells(points, origin, size)
-    sums = np.zeros((counts.shape[0], 3), np.float64)
-    for i in range(points.shape[0]):
-        c = cell_of[i]
-        sums[c, 0] += points[i, 0]
-        sums[c, 1] += points[i, 1]
-        sums[c, 2] += points[i, 2]
-    means = np.empty((counts.shape[0], 3), np.float32)
-    for c in range(counts.shape[0]):
-        for a in range(3):
-            means[c, a] = sums[c, a] / counts[c]
-    return means, counts
 
 
 # the middle cell first: what it holds rules out most of the others
@@ -210,33 +91,24 @@ def run(ix, iy, iz, inside, size, limit, keys, slots, starts):
     return first, last
 
 
+@njit("int64(float32)", cache=True, inline="always")
+def distance_key(squared):
+    """A squared distance as the upper half of a whole number, in the same order."""
+    return np.int64(np.float32(squared).view(np.int32)) << 32
+
+
 @njit(
-    "float32(float32, float32, float32, float32, float32[::1], float32[::1], float32[::1])",
+    "int64(float32, float32, float32, int64, float32[::1], float32[::1], float32[::1], int64)",
     cache=True,
     fastmath=True,
 )
-def least_squared(qx, qy, qz, best, px, py, pz):
-    """The least squared distance from the query, or `best` if that is less."""
+def least_key(qx, qy, qz, best, px, py, pz, first):
+    """The least distance key with its column, counted from `first`, in the lower half; or `best` if
+    that is less. The compiler turns a minimum of whole numbers into vectors, of floats not."""
     for j in range(px.shape[0]):
         dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
-        best = min(best, dx * dx + dy * dy + dz * dz)
+        best = min(best, distance_key(dx * dx + dy * dy + dz * dz) | (first + j))
     return best
-
-
-@njit(
-    "int32(float32, float32, float32, float32, float32[::1], float32[::1], float32[::1])",
-    cache=True,
-    fastmath=True,
-)
-def first_as_near(qx, qy, qz, best, px, py, pz):
-    """The first column whose squared distance from the query is `best`, but for rounding."""
-    limit = best * F32(1.000001) + F32(1e-30)
-    first = none = np.int32(px.shape[0])
-    # no way out of the loop, so that the compiler turns it into vectors
-    for j in range(px.shape[0]):
-        dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
-        first = min(first, np.int32(j) if dx * dx + dy * dy + dz * dz <= limit else none)
-    return first
 
 
 @njit(
@@ -247,8 +119,8 @@ def first_as_near(qx, qy, qz, best, px, py, pz):
     parallel=True,
 )
 def nearest_within(queries, reach, columns, starts, keys, slots, origin, size):
-    """Column of the nearest point within `reach` (at most the cell size) of each query, or -1, and
-    the squared distance."""
+    """Column of the nearest point closer than `reach` (at most the cell size) to each query, or -1,
+    and the squared distance; of equally near ones the first column."""
     n = queries.shape[0]
     nearest = np.full(n, np.int32(-1))
     squared = np.full(n, np.float32(np.inf))
@@ -258,20 +130,18 @@ def nearest_within(queries, reach, columns, starts, keys, slots, origin, size):
         fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, size)
         if min(fx, fy, fz) < -1 or max(fx, fy, fz) > LAST_CELL:
             continue
-        best = reach * reach
-        first = last = 0
+        limit = reach * reach
+        none = best = distance_key(limit)
         for sx in STEPS:
             gx = gap(sx, ux, size)
             for sy in STEPS:
                 gy = gx + gap(sy, uy, size)
                 ix, iy = np.int64(fx) + sx, np.int64(fy) + sy
-                if gy > best or min(ix, iy) < 0:
+                if gy > limit or min(ix, iy) < 0:
                     continue
-                a, b = run(ix, iy, np.int64(fz), uz, size, best - gy, keys, slots, starts)
-                least = least_squared(qx, qy, qz, best, x[a:b], y[a:b], z[a:b])
-                if least < best:
-                    best, first, last = least, a, b
-        if last > first:
-            column = first_as_near(qx, qy, qz, best, x[first:last], y[first:last], z[first:last])
-            nearest[i], squared[i] = np.int32(first) + column, best
+                a, b = run(ix, iy, np.int64(fz), uz, size, limit - gy, keys, slots, starts)
+                best = least_key(qx, qy, qz, best, x[a:b], y[a:b], z[a:b], a)
+                limit = np.int32(best >> 32).view(np.float32)
+        if best < none:
+            nearest[i], squared[i] = np.int32(best & 0x7FFFFFFF), limit
     return nearest, squared

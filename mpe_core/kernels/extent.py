@@ -22,14 +22,21 @@ def extents(points):
     Tasks have fixed rows: their sum does not depend on the threads."""
     n = points.shape[0]
     tasks = (n + ROWS_PER_TASK - 1) // ROWS_PER_TASK
-    found = np.zeros((tasks, 3, 3))
+    found = np.empty((tasks, 3, 3))
     for task in prange(tasks):
-        found[task, 0], found[task, 1] = np.inf, -np.inf
+        lx = ly = lz = np.inf
+        hx = hy = hz = -np.inf
+        sx = sy = sz = 0.0
         for i in range(task * ROWS_PER_TASK, min(n, (task + 1) * ROWS_PER_TASK)):
-            for a in range(3):
-                found[task, 0, a] = min(found[task, 0, a], points[i, a])
-                found[task, 1, a] = max(found[task, 1, a], points[i, a])
-                found[task, 2, a] += points[i, a] - points[0, a]
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            lx, ly, lz = min(lx, x), min(ly, y), min(lz, z)
+            hx, hy, hz = max(hx, x), max(hy, y), max(hz, z)
+            sx += x - points[0, 0]
+            sy += y - points[0, 1]
+            sz += z - points[0, 2]
+        found[task, 0] = lx, ly, lz
+        found[task, 1] = hx, hy, hz
+        found[task, 2] = sx, sy, sz
     return found
 
 
@@ -39,12 +46,22 @@ def products(points, centre, length):
     n = points.shape[0]
     tasks = (n + ROWS_PER_TASK - 1) // ROWS_PER_TASK
     found = np.zeros((tasks, 3, 3))
+    inverse = 1.0 / length
     for task in prange(tasks):
+        xx = xy = xz = yy = yz = zz = 0.0
         for i in range(task * ROWS_PER_TASK, min(n, (task + 1) * ROWS_PER_TASK)):
-            for a in range(3):
-                v = (points[i, a] - centre[a]) / length
-                for b in range(3):
-                    found[task, a, b] += v * (points[i, b] - centre[b]) / length
+            x = (points[i, 0] - centre[0]) * inverse
+            y = (points[i, 1] - centre[1]) * inverse
+            z = (points[i, 2] - centre[2]) * inverse
+            xx += x * x
+            xy += x * y
+            xz += x * z
+            yy += y * y
+            yz += y * z
+            zz += z * z
+        found[task, 0] = xx, xy, xz
+        found[task, 1] = xy, yy, yz
+        found[task, 2] = xz, yz, zz
     return found
 
 

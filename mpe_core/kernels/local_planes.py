@@ -71,14 +71,15 @@ def moments(qx, qy, qz, limit, px, py, pz):
 
 @njit(
     "Tuple((float32[:, ::1], float32[::1], float32[::1], int32[::1], float32[::1]))"
-    "(float32[:, ::1], float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1], float32)",
+    "(float32[:, ::1], float32, float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1],"
+    " float32)",
     cache=True,
     parallel=True,
 )
-def local_planes(queries, columns, starts, keys, slots, origin, radius):
-    """Plane through the points within `radius` (the cell size) of each query: (unit normals,
-    surface variation = smallest eigenvalue / sum, standard deviation from the plane, number of
-    points, distance of the plane from the query along the normal)."""
+def local_planes(queries, radius, columns, starts, keys, slots, origin, size):
+    """Plane through the points within `radius` (at most the cell size) of each query: (unit
+    normals, surface variation = smallest eigenvalue / sum, standard deviation from the plane,
+    number of points, distance of the plane from the query along the normal)."""
     n = queries.shape[0]
     normals = np.zeros((n, 3), np.float32)
     variation = np.ones(n, np.float32)
@@ -89,17 +90,17 @@ def local_planes(queries, columns, starts, keys, slots, origin, radius):
     x, y, z = columns[0], columns[1], columns[2]
     for i in prange(n):
         qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, radius)
+        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, size)
         k = sx = sy = sz = np.float32(0.0)
         xx = xy = xz = yy = yz = zz = np.float32(0.0)
         for tx in STEPS:
-            gx = gap(tx, ux, radius)
+            gx = gap(tx, ux, size)
             for ty in STEPS:
-                gy = gx + gap(ty, uy, radius)
+                gy = gx + gap(ty, uy, size)
                 ix, iy = np.int64(fx) + tx, np.int64(fy) + ty
                 if gy > limit or min(ix, iy) < 0:
                     continue
-                a, b = run(ix, iy, np.int64(fz), uz, radius, limit - gy, keys, slots, starts)
+                a, b = run(ix, iy, np.int64(fz), uz, size, limit - gy, keys, slots, starts)
                 m = moments(qx, qy, qz, limit, x[a:b], y[a:b], z[a:b])
                 k, sx, sy, sz = k + m[0], sx + m[1], sy + m[2], sz + m[3]
                 xx, xy, xz = xx + m[4], xy + m[5], xz + m[6]

@@ -8,18 +8,6 @@ from numba import float64, njit, prange
 from mpe_core.kernels.extent import GIVEN, SINGLE
 
 
-@njit("int32[::1](int32[::1], int32[::1])", cache=True)
-def rows_by_cell(cell_of, counts):
-    """(N,) rows of the points, cell by cell in the order of the cells' numbers."""
-    place = np.cumsum(counts) - counts
-    rows = np.empty(cell_of.shape[0], np.int32)
-    for i in range(cell_of.shape[0]):
-        c = cell_of[i]
-        rows[place[c]] = i
-        place[c] += 1
-    return rows
-
-
 @njit(
     [float64[:, ::1](GIVEN, GIVEN), float64[:, ::1](GIVEN, SINGLE)],
     cache=True,
@@ -32,16 +20,6 @@ def transformed(T, points):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for a in range(3):
             found[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
-    return found
-
-
-@njit("float32[:, ::1](float32[:, ::1], int32[::1])", cache=True, parallel=True)
-def points_at(points, rows):
-    """(N, 3) points at the rows (N,)."""
-    found = np.empty((rows.shape[0], 3), np.float32)
-    for i in prange(rows.shape[0]):
-        for a in range(3):
-            found[i, a] = points[rows[i], a]
     return found
 
 

@@ -1,10 +1,11 @@
 """Cell lists against a k-d tree and plain numpy."""
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.cells import CellList, thin
+from mpe_core.cells import LARGE, CellList, arranged, grid, thin
 from tests.clouds import bunny
 
 REACH = 0.1
@@ -53,8 +54,50 @@ def test_planes_are_those_of_numpy(cloud, queries):
     assert (planes.normals[planes.counts < 5] == 0).all()
 
 
-def test_thinning_keeps_one_mean_a_cube(cloud):
-    edge = 0.2
+@pytest.fixture(scope="module")
+def large(cloud):
+    """So many points that they are laid bucket by bucket."""
+    rng = np.random.default_rng(2)
+    rows = rng.permutation(np.arange(LARGE + 1) % len(cloud))
+    return (cloud[rows] + rng.normal(size=(len(rows), 3), scale=0.02)).astype(np.float32)
+
+
+def test_buckets_hold_whole_cubes(large):
+    origin, edge = grid(large, 0.02)
+    ordered, rows, bounds = arranged(large, origin, edge)
+    np.testing.assert_array_equal(ordered, large[rows])
+    np.testing.assert_array_equal(np.sort(rows), np.arange(len(large)))
+    cube = np.floor((ordered - origin) * (1 / edge)).astype(int)
+    bucket = np.searchsorted(bounds, np.arange(len(large)), side="right")
+    assert len(np.unique(bucket)) > 100
+    cubes = np.unique(cube, axis=0)
+    assert len(np.unique(np.column_stack([cube, bucket]), axis=0)) == len(cubes)
+
+
+def test_the_bits_of_a_large_cloud_do_not_depend_on_threads(large):
+    before, bits = numba.get_num_threads(), set()
+    for threads in (1, before):
+        numba.set_num_threads(threads)
+        cells = CellList(large, 0.02)
+        planes = cells.planes(large)
+        nearest = cells.nearest_given(large[::-1].copy())
+        bits.add(thin(large, 0.02).tobytes() + planes.normals.tobytes() + nearest.tobytes())
+    numba.set_num_threads(before)
+    assert len(bits) == 1
+
+
+def test_nearest_of_a_large_cloud_are_rows_as_given(large):
+    queries = large[::-1] + np.float32(0.01)
+    row = CellList(large, REACH).nearest_given(queries)
+    distance, nearest = KDTree(large).query(queries)
+    np.testing.assert_array_equal(row >= 0, distance < REACH)
+    np.testing.assert_allclose(np.linalg.norm(queries - large[row], axis=1), distance, atol=1e-6)
+    assert (row == nearest).mean() > 0.99
+
+
+@pytest.mark.parametrize("which", ["cloud", "large"])
+def test_thinning_keeps_one_mean_a_cube(which, request):
+    cloud, edge = request.getfixturevalue(which), 0.2
     means = thin(cloud, edge)
     cube = np.floor((cloud - cloud.min(axis=0)) / np.float32(edge)).astype(int)
     _, member = np.unique(cube, axis=0, return_inverse=True)
@@ -68,7 +111,7 @@ def test_thinning_keeps_one_mean_a_cube(cloud):
 def test_a_cloud_too_wide_for_its_cubes_gets_larger_ones():
     wide = np.array([[0, 0, 0], [1e6, 1e6, 1e6], [1e6, 0, 0]], np.float32)
     cells = CellList(wide, 1e-3)
-    assert cells.reach > 0.4
+    assert cells.reach > 0.2
     row, squared = cells.nearest(wide)
     np.testing.assert_array_equal(cells.rows[row], [0, 1, 2])
     assert (squared == 0).all()

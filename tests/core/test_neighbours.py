@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.cells import crowd
-from mpe_core.neighbours import LARGE, PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
+from mpe_core.cells import LARGE, occupied
+from mpe_core.neighbours import PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
 from tests.clouds import bunny
 
 
@@ -24,7 +24,7 @@ def dense(cloud):
 
 @pytest.fixture(scope="module")
 def roomy(dense):
-    return PROBE * np.sqrt(ROOMY / crowd(dense.astype(np.float32), PROBE))
+    return PROBE * np.sqrt(ROOMY * occupied(dense.astype(np.float32), PROBE) / len(dense))
 
 
 def assert_nearest(queries, cloud, reach):
