@@ -79,7 +79,7 @@ def alignment_of(source: Array, target: Array) -> tuple[Centred, Alignment]:
     """The centred clouds, and what `register` with its defaults makes of them."""
     pair = as_pair(as_points(source), as_points(target))
     options = RegistrationOptions()
-    return pair, Alignment(scan(pair.source), scan(pair.target), Knowledge(), options)
+    return pair, Alignment(scan(pair.source), scan(pair.target), Knowledge(), options, pair.larger)
 
 
 def _shape(shape: Callable[[np.random.Generator], Array]) -> Result:

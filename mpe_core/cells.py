@@ -25,9 +25,9 @@ from mpe_core.kernels.rows import columns_at, rows_as_given
 Points = NDArray[np.float32]
 
 EDGE = 2.0
-"""Edge of the cubes over the reach. Planes through the 69 points within reach of each of 8,251: 2.03
-ms with 1, 1.76 / 1.48 / 1.28 / 1.25 with 1.2 / 1.5 / 2 / 2.5, because more points come in fewer
-runs; their nearest points 0.18 ms with 1 to 1.5, 0.19 / 0.22 with 2 / 2.5."""
+"""Edge of the cubes over the reach. Planes through the 69 points within reach of each of 8,251:
+2.03 ms with 1, 1.76 / 1.48 / 1.28 / 1.25 with 1.2 / 1.5 / 2 / 2.5, because more points come in
+fewer runs; their nearest points 0.18 ms with 1 to 1.5, 0.19 / 0.22 with 2 / 2.5."""
 
 LARGE = 100_000
 """Points from which on they are laid bucket by bucket."""
@@ -103,8 +103,8 @@ class CellList:
     """A fixed cloud (M, 3) in cubes, asked for what lies within a reach of any point."""
 
     def __init__(self, points: Points, reach: float, edge: float | None = None) -> None:
-        """The edge of the cubes is at least the reach; EDGE times that if it is not given. Both grow
-        for a cloud too wide for such cubes."""
+        """The edge of the cubes is at least the reach, EDGE times that if it is not given. Both
+        grow for a cloud too wide for such cubes."""
         asked = EDGE * reach if edge is None else edge
         self._origin, self._edge = grid(points, asked)
         self.reach = np.float32(reach / asked * float(self._edge))
