@@ -1,6 +1,7 @@
 """python -m benchmarks [name ...]: speed and accuracy beside the peers."""
 
 from benchmarks.calibration import CALIBRATION
+from benchmarks.closure import CLOSURE
 from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
 from benchmarks.held_out import HELD_OUT
@@ -10,4 +11,7 @@ from benchmarks.scaling import SCALING
 from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
-    main([KERNELS, PAIRS, HELD_OUT, CONFIDENCE, CALIBRATION, SCALING, LOAD], "python -m benchmarks")
+    main(
+        [KERNELS, PAIRS, HELD_OUT, CLOSURE, CONFIDENCE, CALIBRATION, SCALING, LOAD],
+        "python -m benchmarks",
+    )
