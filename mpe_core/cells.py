@@ -49,7 +49,8 @@ def arranged(
     grid is cut: many are laid bucket by bucket, so that what is used together stays in the
     processor's cache."""
     if len(points) >= LARGE:
-        ordered, rows, bounds = partitioned(points, origin, size)
+        ordered, rows = np.empty_like(points), np.empty(len(points), np.int32)
+        bounds = partitioned(points, origin, size, ordered, rows)
         return ordered, rows, bounds
     return points, np.arange(len(points), dtype=np.int32), np.array([0, len(points)])
 
@@ -115,7 +116,8 @@ class CellList:
         self.rows = rows[order]
         """Where each cube's points start in `points`, and the row of the given cloud that each came
         from."""
-        self._columns = columns_at(ordered, order)
+        self._columns = np.empty((3, len(points)), np.float32)
+        columns_at(ordered, order, self._columns)
 
     @cached_property
     def points(self) -> Points:
@@ -132,7 +134,8 @@ class CellList:
         """(N,) rows of the given cloud nearest to queries (N, 3); -1 where nothing is within
         reach."""
         ordered, order, _ = arranged(queries, self._origin, self._edge)
-        found: NDArray[np.int64] = rows_as_given(self.nearest(ordered)[0], self.rows, order)
+        found = np.empty(len(queries), np.int64)
+        rows_as_given(self.nearest(ordered)[0], self.rows, order, found)
         return found
 
     def planes(self, queries: Points) -> LocalPlanes:

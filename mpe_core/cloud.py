@@ -14,8 +14,7 @@ from mpe_core.errors import (
     InvalidWeightsError,
     TooFewPointsError,
 )
-from mpe_core.extent import Extent, extent, scatter
-from mpe_core.kernels.extent import centred
+from mpe_core.extent import Extent, extent, offsets, scatter
 from mpe_core.validity import LARGEST_COORDINATE
 
 LEAST_RATIO = 1e-4
@@ -187,7 +186,7 @@ def as_pair(source: Cloud, target: Cloud) -> Pair:
     )
     unit = max(small, LEAST_RATIO * large)
     x, y = (
-        centred(cloud.points, centre, unit)
+        offsets(cloud.points, centre, unit)
         for cloud, centre in zip((source, target), centres, strict=True)
     )
     return Pair(x, y, *centres, unit, large / unit)
@@ -235,7 +234,7 @@ def _check_thickness(points: NDArray[np.float64], reached: Extent, name: str) ->
     spread, axes = np.linalg.eigh(scatter(points, reached))
     if spread[1] > len(points) * (1e3 * (THINNEST + rounding / length)) ** 2:
         return  # too thick on the average for the exact test to refuse it
-    off_axis = np.abs(np.cross(centred(points, reached.mean, length), axes[:, 2])).max()
+    off_axis = np.abs(np.cross(offsets(points, reached.mean, length), axes[:, 2])).max()
     if off_axis <= THINNEST + rounding / length:
         raise DegenerateCloudError(
             f"all points of {name} lie on one line; the rotation about it cannot be told"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.extent import extents, products
+from mpe_core.kernels.extent import centred, extents, products
 
 Array = NDArray[np.float64]
 
@@ -48,3 +48,10 @@ def scatter(points: Array, reached: Extent) -> Array:
     """(3, 3) sum of v v^T over the points' offsets v from the mean, in lengths of the extent."""
     total: Array = products(points, reached.mean, reached.length).sum(axis=0)
     return total
+
+
+def offsets(points: Array, centre: Array, length: float) -> Array:
+    """(N, 3) the points' offsets from the centre (3,), in lengths."""
+    found = np.empty(points.shape)
+    centred(points, centre, length, found)
+    return found

@@ -143,7 +143,8 @@ def _inliers(
     """Source points whose nearest target point is within the threshold (caller's unit)."""
     moved = apply(T, pair.source)
     row = nearest_rows(moved, pair.target, threshold / pair.unit)
-    distance = pair.unit * row_distances(moved, pair.target, row)
+    distance = np.empty(len(moved))
+    row_distances(moved, pair.target, row, pair.unit, distance)
     close = np.flatnonzero(distance <= threshold)
     return Inliers(source.given(close), target.given(row[close]), distance[close], threshold)
 

@@ -21,7 +21,8 @@ def pose(R: Array, t: Array) -> Array:
 def apply(T: Array, points: Array | NDArray[np.float32]) -> Array:
     """(N, 3) points R x + t."""
     # no matrix product: BLAS may round differently with another number of threads
-    found: Array = transformed(np.ascontiguousarray(T), np.ascontiguousarray(points))
+    found = np.empty(points.shape)
+    transformed(np.ascontiguousarray(T), np.ascontiguousarray(points), found)
     return found
 
 

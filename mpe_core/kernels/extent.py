@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import float32, float64, njit, prange, types
+from numba import float32, float64, njit, prange, types, void
 
 ROWS_PER_TASK = 4096
 
@@ -65,11 +65,9 @@ def products(points, centre, length):
     return found
 
 
-@njit(float64[:, ::1](GIVEN, float64[::1], float64), cache=True, parallel=True)
-def centred(points, centre, length):
-    """(N, 3) the points' offsets from the centre, in lengths."""
-    found = np.empty((points.shape[0], 3), np.float64)
+@njit(void(GIVEN, float64[::1], float64, float64[:, ::1]), cache=True, parallel=True)
+def centred(points, centre, length, found):
+    """found (N, 3) = the points' offsets from the centre, in lengths."""
     for i in prange(points.shape[0]):
         for a in range(3):
             found[i, a] = (points[i, a] - centre[a]) / length
-    return found

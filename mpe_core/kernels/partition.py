@@ -27,13 +27,13 @@ def bucket(x, y, origin, inverse):
 
 
 @njit(
-    "Tuple((float32[:, ::1], int32[::1], int64[::1]))(float32[:, ::1], float32[::1], float32)",
+    "int64[::1](float32[:, ::1], float32[::1], float32, float32[:, ::1], int32[::1])",
     cache=True,
     parallel=True,
 )
-def partitioned(points, origin, size):
-    """Points (N, 3) by the pillars of cells that they stand in: (points in this order, the row that
-    each came from, where each bucket starts)."""
+def partitioned(points, origin, size, found, rows):
+    """found (N, 3) = points by the pillars of cells that they stand in, rows (N,) = those that they
+    came from; returns where each bucket starts, and the last one ends."""
     n = points.shape[0]
     inverse = np.float32(1.0) / size
     rows_per_task = (n + TASKS - 1) // TASKS
@@ -50,8 +50,6 @@ def partitioned(points, origin, size):
             places[task, b] = place
             place += count
     bounds[BUCKETS] = n
-    found = np.empty((n, 3), np.float32)
-    rows = np.empty(n, np.int32)
     for task in prange(TASKS):
         for i in range(task * rows_per_task, min(n, (task + 1) * rows_per_task)):
             b = bucket(points[i, 0], points[i, 1], origin, inverse)
@@ -60,4 +58,4 @@ def partitioned(points, origin, size):
                 found[place, a] = points[i, a]
             rows[place] = i
             places[task, b] = place + 1
-    return found, rows, bounds
+    return bounds
