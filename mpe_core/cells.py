@@ -106,10 +106,9 @@ class CellList:
 
     def __init__(self, points: Points, reach: float, edge: float | None = None) -> None:
         """The edge of the cubes is at least the reach, EDGE times that if it is not given. Both
-        grow for a cloud too wide for such cubes."""
-        asked = EDGE * reach if edge is None else edge
-        self._origin, self._edge = grid(points, asked)
-        self.reach = np.float32(reach / asked * float(self._edge))
+        grow for a cloud too wide for cubes of that reach."""
+        self._origin, self.reach = grid(points, reach)
+        self._edge = max(self.reach, np.float32(EDGE * reach if edge is None else edge))
         ordered, rows, bounds = arranged(points, self._origin, self._edge)
         cells, self.starts, order = cells_of_buckets(ordered, bounds, self._origin, self._edge)
         self._keys, self._slots = table_of(cells)
