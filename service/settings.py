@@ -103,7 +103,9 @@ class Settings(BaseSettings):
         default=DAY_S, gt=0, description="Seconds that an upload in pieces may lie still."
     )
     blob_grace_s: float = Field(
-        default=600, gt=0, description="Age in seconds from which unused files are removed."
+        default=600,
+        gt=0,
+        description="Seconds that files are kept after they were written or last needed.",
     )
     upkeep_interval_s: float = Field(
         default=30, gt=0, description="Seconds between looks for what has expired."

@@ -84,6 +84,7 @@ class BlobStore:
         self.root = root
         self.blobs = root / "blobs"
         self.incoming = incoming or root / "incoming"
+        self._unneeded_since: dict[str, float] = {}
         for directory in (self.blobs, self.incoming):
             directory.mkdir(parents=True, exist_ok=True)
 
@@ -117,15 +118,18 @@ class BlobStore:
         with self.locked():
             os.utime(self.path(sha256))
 
-    def collect(self, needed: Callable[[], set[str]], *, older_than: float) -> int:
-        """Remove blobs that were written before a time and are not needed; returns how many.
+    def collect(self, needed: Callable[[], set[str]], *, now: float, grace_s: float) -> int:
+        """Remove blobs that were written, and last seen needed, the grace ago; returns how many.
 
+        Who has read a row that names a blob has that long to open it, though the row is gone.
         What is needed is asked after the old blobs have been listed: a blob that a job has taken
         up since is either needed or new.
         """
-        old = [path for path in self.blobs.glob("*/*") if _modified(path) < older_than]
-        unneeded = {path.name for path in old} - needed() if old else set()
-        return sum(self._remove_old(path, older_than) for path in old if path.name in unneeded)
+        old = {path.name for path in self.blobs.glob("*/*") if _modified(path) < now - grace_s}
+        unneeded = old - needed() if old else set()
+        self._unneeded_since = {name: self._unneeded_since.get(name, now) for name in unneeded}
+        over = [name for name, since in self._unneeded_since.items() if since <= now - grace_s]
+        return sum(self._remove_old(self.path(name), now - grace_s) for name in over)
 
     def _remove_old(self, path: Path, older_than: float) -> bool:
         with self.locked(), contextlib.suppress(FileNotFoundError):

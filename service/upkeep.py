@@ -42,8 +42,11 @@ class Upkeep:
         discard_scratch(service.settings.data_dir, service.store.running)
         drop_expired(database)
         service.uploads.drop_expired()
-        oldest = time.time() - service.settings.blob_grace_s
-        removed = service.blobs.collect(lambda: needed_blobs(database), older_than=oldest)
+        removed = service.blobs.collect(
+            lambda: needed_blobs(database),
+            now=time.time(),
+            grace_s=service.settings.blob_grace_s,
+        )
         self._prepared.collect(referable_blobs(database))
         forget_removed(service.settings.data_dir, service.blobs)
         if removed:

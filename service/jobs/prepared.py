@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable
 from importlib.metadata import version
@@ -27,10 +28,9 @@ class PreparedClouds:
     ) -> DecodedCloud:
         """The tenant's cloud as it was decoded before, or as `decode` gives it now."""
         path = self._directory / f"{sha256}-{tenant}-{version('mpe')}.npz"
-        if path.exists():
-            with np.load(path, allow_pickle=False) as kept:
-                said = json.loads(str(kept["said"]))
-                return DecodedCloud(kept["points"], said["format"], tuple(said["warnings"]))
+        with contextlib.suppress(FileNotFoundError), np.load(path, allow_pickle=False) as kept:
+            said = json.loads(str(kept["said"]))
+            return DecodedCloud(kept["points"], said["format"], tuple(said["warnings"]))
         cloud = decode()
         said = json.dumps({"format": cloud.format, "warnings": cloud.warnings})
         with (scratch / path.name).open("wb") as file:

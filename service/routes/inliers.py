@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -51,9 +50,10 @@ def inliers(
     array = service.blobs.path(job.inliers_sha256)
     if (format or _accepted(accept)) == "npy":
         return FileResponse(array, media_type=NPY, filename=f"{job.id}-inliers.npy")
+    rows = np.load(array, mmap_mode="r", allow_pickle=False)
     result = json.loads(service.blobs.path(job.result_sha256).read_bytes())
     return StreamingResponse(
-        _as_json(array, result["inliers"]["threshold"]), media_type="application/json"
+        _as_json(rows, result["inliers"]["threshold"]), media_type="application/json"
     )
 
 
@@ -66,9 +66,8 @@ def _accepted(accept: str) -> Literal["json", "npy"]:
     raise NotAcceptableError(f"There are application/json and {NPY}.")
 
 
-def _as_json(array: Path, threshold: float) -> Iterator[str]:
+def _as_json(rows: NDArray[np.void], threshold: float) -> Iterator[str]:
     """The document, a bounded number of rows in memory at a time."""
-    rows = np.load(array, mmap_mode="r", allow_pickle=False)
     yield f'{{"count":{len(rows)},"threshold":{json.dumps(threshold)},"pairs":['
     yield from _joined(rows, lambda part: np.column_stack((part["source"], part["target"])))
     yield '],"distances":['

@@ -54,16 +54,20 @@ def test_every_answer_is_protected(server: Server) -> None:
 
 
 def test_an_unexpected_error_is_protected_too(server: Server) -> None:
+    """And it is an error from the first byte on, not a document that breaks off."""
     job = registered(server.client, CLOUD, CLOUD, options='{"seed": 5}')
     shutil.rmtree(server.data_dir / "blobs")
-    # a connection of its own: the server closes it afterwards
-    broken = httpx.get(
-        f"{server.url}/v1/registrations/{job['id']}", trust_env=False, timeout=CALL_S
-    )
+    url = f"{server.url}/v1/registrations/{job['id']}"
+    # a connection for each: the server closes it afterwards
+    answers = [
+        httpx.get(url + what, trust_env=False, timeout=CALL_S)
+        for what in ("", "/inliers", "/inliers?format=npy")
+    ]
     (server.data_dir / "blobs").mkdir()
-    assert broken.status_code == 500
-    assert broken.json()["type"] == "urn:mpe:problem:internal-error"
-    protected(broken)
+    for broken in answers:
+        assert broken.status_code == 500
+        assert broken.json()["type"] == "urn:mpe:problem:internal-error"
+        protected(broken)
 
 
 def test_transport_security_where_there_is_any(server: Server) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from service.storage import BlobStore
+from service.storage import Blob, BlobStore
 
 
 def files(store: BlobStore) -> list[Path]:
@@ -36,33 +38,55 @@ def test_what_is_not_committed_leaves_nothing(tmp_path: Path) -> None:
     assert files(store) == []
 
 
+GRACE_S = 600
+
+
+def collect(store: BlobStore, *needed: Blob, in_s: float) -> int:
+    """Collect as if that much time had passed."""
+    names = {blob.sha256 for blob in needed}
+    return store.collect(lambda: names, now=time.time() + in_s, grace_s=GRACE_S)
+
+
 def test_only_old_blobs_that_nobody_needs_are_collected(tmp_path: Path) -> None:
     store = BlobStore(tmp_path)
     needed, unneeded, young = (store.put([content]) for content in (b"a", b"b", b"c"))
     for blob in (needed, unneeded):
         os.utime(store.path(blob.sha256), (0, 0))
-    assert store.collect(lambda: {needed.sha256}, older_than=1000) == 1
+    assert collect(store, needed, in_s=-GRACE_S) == 0
+    assert collect(store, needed, in_s=1) == 1
     assert set(files(store)) == {
         store.path(needed.sha256),
         store.path(young.sha256),
     }
 
 
-def test_a_blob_that_is_stored_again_is_young(tmp_path: Path) -> None:
+def test_a_blob_that_was_needed_a_moment_ago_is_spared(tmp_path: Path) -> None:
+    """However old it is: who has read the row that named it must be able to open it."""
+    store = BlobStore(tmp_path)
+    blob = store.put([b"a"])
+    hour, moment = 3600, 1
+    assert collect(store, blob, in_s=hour) == 0
+    assert collect(store, in_s=hour + moment) == 0
+    assert collect(store, in_s=hour + GRACE_S) == 0
+    assert collect(store, blob, in_s=hour + GRACE_S) == 0
+    assert collect(store, in_s=hour + GRACE_S + 2 * moment) == 0
+    assert store.path(blob.sha256).read_bytes() == b"a"
+    assert collect(store, in_s=hour + 2 * GRACE_S + 3 * moment) == 1
+    assert files(store) == []
+
+
+@pytest.mark.parametrize("again", [lambda s, b: s.put([b"a"]), lambda s, b: s.touch(b.sha256)])
+def test_a_blob_that_is_stored_or_touched_again_is_young(
+    tmp_path: Path, again: Callable[[BlobStore, Blob], object]
+) -> None:
     store = BlobStore(tmp_path)
     blob = store.put([b"a"])
     os.utime(store.path(blob.sha256), (0, 0))
-    store.put([b"a"])
-    assert store.collect(set, older_than=1000) == 0
-
-
-def test_a_blob_that_is_touched_is_young(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
-    blob = store.put([b"a"])
-    os.utime(store.path(blob.sha256), (0, 0))
-    store.touch(blob.sha256)
-    assert store.collect(set, older_than=1000) == 0
-    assert store.collect(set, older_than=2**40) == 1
+    assert collect(store, in_s=-GRACE_S) == 0
+    again(store, blob)
+    assert collect(store, in_s=1) == 0
+    assert collect(store, in_s=GRACE_S + 2) == 0
+    assert collect(store, in_s=2 * GRACE_S + 3) == 1
     with pytest.raises(FileNotFoundError):
         store.touch(blob.sha256)
     assert files(store) == []
