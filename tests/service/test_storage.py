@@ -64,7 +64,7 @@ def test_a_blob_that_was_needed_a_moment_ago_is_spared(tmp_path: Path) -> None:
     """However old it is: who has read the row that named it must be able to open it."""
     store = BlobStore(tmp_path)
     blob = store.put([b"a"])
-    hour, moment = 3600, 1
+    hour, moment = 3600, 60
     assert collect(store, blob, in_s=hour) == 0
     assert collect(store, in_s=hour + moment) == 0
     assert collect(store, in_s=hour + GRACE_S) == 0
@@ -84,9 +84,9 @@ def test_a_blob_that_is_stored_or_touched_again_is_young(
     os.utime(store.path(blob.sha256), (0, 0))
     assert collect(store, in_s=-GRACE_S) == 0
     again(store, blob)
-    assert collect(store, in_s=1) == 0
-    assert collect(store, in_s=GRACE_S + 2) == 0
-    assert collect(store, in_s=2 * GRACE_S + 3) == 1
+    assert collect(store, in_s=60) == 0
+    assert collect(store, in_s=GRACE_S + 120) == 0
+    assert collect(store, in_s=2 * GRACE_S + 180) == 1
     with pytest.raises(FileNotFoundError):
         store.touch(blob.sha256)
     assert files(store) == []
