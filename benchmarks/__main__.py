@@ -7,11 +7,12 @@ from benchmarks.experiment import main
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
+from benchmarks.parts import PARTS
 from benchmarks.scaling import SCALING
 from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
     main(
-        [KERNELS, PAIRS, HELD_OUT, CLOSURE, CONFIDENCE, CALIBRATION, SCALING, LOAD],
+        [KERNELS, PAIRS, HELD_OUT, PARTS, CLOSURE, CONFIDENCE, CALIBRATION, SCALING, LOAD],
         "python -m benchmarks",
     )

@@ -114,7 +114,9 @@ def table(result: Result) -> str:
 
 def _verdict(row: Result) -> Result:
     """By the weights in use, which a test holds to the fitted ones."""
-    evidence = Evidence(row["near"], row["on"], row["sharp"], larger=row["larger"])
+    evidence = Evidence(
+        row["near"], row["on"], row["sharp"], larger=row["larger"], free=row["free"]
+    )
     return {"confidence": evidence.confidence, "accepted": evidence.accepted}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.cells import CellList, LocalPlanes, Points
-from mpe_core.confidence import Evidence, evidence, sharp_distance
+from mpe_core.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
 from mpe_core.field import NearestField, nearest_field
 from mpe_core.global_search import Candidates, Effort, find_poses
 from mpe_core.knowledge import Knowledge
@@ -26,7 +26,13 @@ from mpe_core.potential_polish import EPS, descend_potential, potential_uncertai
 from mpe_core.rigid import apply, inverse
 from mpe_core.scan import Sample, Scan
 from mpe_core.surface import Surface
-from mpe_core.uncertainty import PROBED_POINTS, Uncertainty, uncertainty
+from mpe_core.uncertainty import (
+    PROBED_POINTS,
+    Uncertainty,
+    free_count,
+    surface_information,
+    uncertainty,
+)
 
 Pose = NDArray[np.float64]
 
@@ -75,9 +81,11 @@ class Alignment:
         options: RegistrationOptions,
         larger: float = 1.0,
     ) -> None:
-        """`larger` is the radius of the larger cloud over that of the smaller one."""
+        """`larger` is the radius of the larger cloud over that of the smaller one. Near an initial
+        pose there are no more places for chance than on a cloud of like size."""
         self.source, self.target, self._options = source, target, options
-        self._knowledge, self._larger = knowledge, larger
+        self._knowledge = knowledge
+        self._larger = larger if knowledge.initial is None else 1.0
         rough = max(source.surface.roughness, target.surface.roughness)
         self._sparse = min(len(source.fine), len(target.fine)) <= POTENTIAL_POINTS
         noisy = rough > (NOISY_SPARSE if self._sparse else NOISY)
@@ -97,7 +105,11 @@ class Alignment:
 
     def judge(self, T: Pose) -> Evidence:
         """What speaks for a pose."""
-        return self._evidence(self._sample, self._oriented(T))
+        there = self._oriented(T)
+        found = self._evidence(self._sample, there)
+        if self._larger <= LIKE_SIZES:
+            return found
+        return replace(found, free=free_count(self._information(there)))
 
     def _evidence(self, sample: Sample, T: Pose) -> Evidence:
         overlap = self._options.overlap or 1.0
@@ -165,6 +177,12 @@ class Alignment:
             self._own_cells = CellList(self._moving.fine, float(self._planes.cells.reach))
         return self._own_cells.planes(sample.points)
 
+    def _information(self, T: Pose) -> NDArray[np.float64]:
+        """What the surfaces tell of the motions, at a pose of the sample."""
+        probe = self._sample.part(PROBED_POINTS)
+        own_normals = self._own_planes(probe).normals
+        return surface_information(probe, own_normals, self._planes, T, self._motions)
+
     def uncertainty(self, polished: Polished) -> Uncertainty:
         """Of a polished pose, about the source's centroid and in radii."""
         T = polished.T
@@ -175,10 +193,9 @@ class Alignment:
         sample, smooth = self._sample, polished.smooth
         if smooth and self._smooth_sample is not None:
             sample = self._smooth_sample
-        probe = self._sample.part(PROBED_POINTS)
-        own = self._own_planes(probe).normals
+        there = self._oriented(T)
         found = uncertainty(
-            sample, probe, own, self._planes, self._oriented(T), self._motions, smooth=smooth
+            sample, self._planes, there, self._information(there), self._motions, smooth=smooth
         )
         if self._flipped:
             found = found.seen_from_target(T)

@@ -66,10 +66,9 @@ class Uncertainty:
 
 def uncertainty(
     source: Sample,
-    probe: Sample,
-    own_normals: Points,
     planes: TargetPlanes,
     T: Array,
+    information: Array,
     motions: Array,
     *,
     smooth: bool,
@@ -77,14 +76,17 @@ def uncertainty(
     """Covariance of the minimum of `point_to_plane`: the sandwich N^-1 B N^-1 of an M-estimator
     (Huber 1967), N the derivative of the gradient, in which points change their planes, and B the
     scatter of the gradient over patches of the surface as wide as a plane (Liang and Zeger 1986):
-    points of one patch share the errors of their planes. The normals (K, 3) at the `probe` of
-    the source's points tell which directions are free."""
+    points of one patch share the errors of their planes. The information tells which of the
+    motions (6, K) are free."""
     pairs = nearest_planes(source, planes, T, smooth=smooth)
     pulls = _pulls(pairs, planes.cut)
-    probed = nearest_planes(probe, planes, T)
-    information = motions.T @ _information(probed, own_normals, T) @ motions
     N = _stiffness(source, planes, T, smooth=smooth)
     return sandwich(N, _scatter(pairs, pulls, float(planes.cells.reach)), information, motions)
+
+
+def free_count(information: Array) -> int:
+    """How many directions are free, by the information on them."""
+    return int((np.linalg.eigvalsh(information) < FREE).sum())
 
 
 def sandwich(N: Array, B: Array, information: Array, motions: Array) -> Uncertainty:
@@ -114,15 +116,18 @@ def _products(J: Array, K: Array) -> Array:
     return np.asarray(np.einsum("ni,nj->ij", J, K))
 
 
-def _information(pairs: Nearest, own_normals: Points, T: Array) -> Array:
-    """(6, 6) mean of J_i J_i'^T, J from the target's normals and J' from the source's: the errors
-    of the two are independent and do not pass for shape."""
+def surface_information(
+    probe: Sample, own_normals: Points, planes: TargetPlanes, T: Array, motions: Array
+) -> Array:
+    """(K, K) mean of J_i J_i'^T over the motions (6, K), J from the target's normals and J' from
+    the source's own (N, 3): the errors of the two are independent and do not pass for shape."""
+    pairs = nearest_planes(probe, planes, T)
     own = np.einsum("ij,nj->ni", T[:3, :3], own_normals)
     own *= np.sign(np.einsum("ni,ni->n", own, pairs.normals))[:, None]
     known = pairs.used & (np.abs(own).sum(axis=1) > 0)
     J, K = (_directions(pairs.moved, normals)[known] for normals in (pairs.normals, own))
     product = _products(J, K) / max(known.sum(), 1)
-    information: Array = (product + product.T) / 2
+    information: Array = motions.T @ ((product + product.T) / 2) @ motions
     return information
 
 

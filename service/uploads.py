@@ -57,7 +57,7 @@ class UploadStore:
             query = select(uploads).where(uploads.c.id == upload_id, uploads.c.tenant == tenant)
             row = connection.execute(query).one_or_none()
         if row is None:
-            raise UnknownUploadError("No upload has this id; it may have expired.")
+            raise _unknown()
         return Upload(**row._mapping)
 
     def path(self, upload: Upload) -> Path:
@@ -65,23 +65,35 @@ class UploadStore:
         return self._directory / upload.id
 
     def offset(self, upload: Upload) -> int:
-        """Bytes that have arrived."""
-        return upload.length if upload.is_complete else self.path(upload).stat().st_size
+        """Bytes that have arrived; UnknownUploadError when it has expired meanwhile."""
+        try:
+            return upload.length if upload.is_complete else self.path(upload).stat().st_size
+        except FileNotFoundError as error:
+            raise _unknown() from error
 
     @contextmanager
     def appending(self, upload: Upload, offset: int) -> Iterator[BinaryIO]:
         """The file, to append to from the offset; locked meanwhile, in whatever process.
 
-        UploadConflictError when the upload is elsewhere, or another request appends to it.
+        UploadConflictError when the upload is elsewhere, or another request appends to it;
+        UnknownUploadError when it has expired meanwhile.
         """
         if upload.is_complete:
             raise _elsewhere(upload.length)
-        with self.path(upload).open("ab") as file:
+        with self._opened(upload) as file:
             if not _lock(file):
                 raise UploadConflictError("Another request appends to this upload.")
             if offset != self.offset(upload):
                 raise _elsewhere(self.offset(upload))
+            file.seek(offset)
             yield file
+
+    def _opened(self, upload: Upload) -> BinaryIO:
+        """Its file, which is never made anew: nothing would remove it."""
+        try:
+            return self.path(upload).open("r+b")
+        except FileNotFoundError as error:
+            raise _unknown() from error
 
     def extend(self, upload: Upload, *, complete: bool) -> Upload:
         """Give it one more period to live, and record whether it has become a cloud."""
@@ -118,6 +130,10 @@ def _lock(file: BinaryIO) -> bool:
     except BlockingIOError:
         return False
     return True
+
+
+def _unknown() -> UnknownUploadError:
+    return UnknownUploadError("No upload has this id; it may have expired.")
 
 
 def _elsewhere(offset: int) -> UploadConflictError:

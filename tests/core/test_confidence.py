@@ -1,34 +1,83 @@
 """How far to trust a pose of clouds of unlike sizes."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
-from mpe_core import register
+from mpe_core import RegistrationOptions, register
+from mpe_core.cloud import radius
 from mpe_core.confidence import LIKE_SIZES, Evidence
-from tests.checks import assert_pose_close
+from mpe_core.rigid import apply, axis_rotation, pose
+from tests.checks import assert_pose_close, pose_error
 from tests.clouds import real_pair
 
 
-def test_chance_fits_on_a_much_larger_cloud_count_against_a_pose():
-    def odds(larger):
-        confidence = Evidence(near=0.9, on=0.6, sharp=0.6, larger=larger).confidence
-        return confidence / (1 - confidence)
+def odds(**said):
+    confidence = Evidence(near=0.9, on=0.6, sharp=0.6, **said).confidence
+    return confidence / (1 - confidence)
 
-    assert odds(LIKE_SIZES) == pytest.approx(odds(1.0))
-    assert odds(1.0) / odds(5 * LIKE_SIZES) == pytest.approx(25)
+
+@pytest.mark.parametrize("free", [0, 1, 3])
+def test_chance_fits_on_a_much_larger_cloud_count_against_a_pose(free):
+    """In as many dimensions as a surface has, and those in which it slides on itself."""
+    assert odds(larger=LIKE_SIZES, free=free) == pytest.approx(odds())
+    assert odds() / odds(larger=5 * LIKE_SIZES, free=free) == pytest.approx(5.0 ** (2 + free))
 
 
 @pytest.mark.parametrize("name", ["dragon_24_0", "bunny_bun045_bun000"])
 def test_a_small_part_of_a_scan_is_found_and_accepted(data, name):
     trial = real_pair(data, name)
-    radius = np.quantile(np.linalg.norm(trial.target - trial.target.mean(axis=0), axis=1), 0.98)
-    middle = trial.source[
-        np.argmin(np.linalg.norm(trial.source - trial.source.mean(axis=0), axis=1))
-    ]
-    part = trial.source[np.linalg.norm(trial.source - middle, axis=1) < radius / 6]
+    middle = np.argmin(np.linalg.norm(trial.source - trial.source.mean(axis=0), axis=1))
+    part = ball(trial, trial.source[middle], 6)
     found = register(part, trial.target)
     assert found.accepted
     # a sixth of the length tells the rotation six times less exactly; the truth is good to 0.4
     assert_pose_close(
-        found.T_target_source, trial.T_target_source, part, degrees=2.4, shift=0.02 * radius
+        found.T_target_source, trial.T_target_source, part, degrees=2.4, shift=0.02 * whole(trial)
     )
+
+
+def whole(trial):
+    return radius(trial.target, trial.target.mean(axis=0))
+
+
+def ball(trial, centre, fraction):
+    return trial.source[np.linalg.norm(trial.source - centre, axis=1) < whole(trial) / fraction]
+
+
+def patches_of_ground(trial, fraction):
+    for centre in trial.source[np.random.default_rng(1).integers(len(trial.source), size=200)]:
+        part = ball(trial, centre, fraction)
+        if len(part) >= 800:
+            least, middle, _ = np.linalg.eigvalsh(np.cov(part.T))
+            if np.sqrt(least / middle) < 0.15:
+                yield part
+
+
+def near_truth(trial, part):
+    """The true pose, 15 degrees and 0.3 radii of the part off."""
+    middle = apply(trial.T_target_source, part.mean(axis=0, keepdims=True))[0]
+    away = 0.3 * radius(part, part.mean(axis=0)) * np.array([1, 0, 0])
+    turn = pose(axis_rotation(np.array([1.0, 1.0, 0.0]), np.radians(15)), np.zeros(3))
+    centred = pose(np.eye(3), -middle) @ trial.T_target_source
+    return pose(np.eye(3), middle + away) @ turn @ centred
+
+
+def test_a_patch_of_ground_is_accepted_where_it_belongs_alone(data):
+    """An eighth of a street scan: without the free directions half of these pass up to 12 m off."""
+    trial = real_pair(data, "kitti10m_020")
+    refused = told = 0
+    for part in islice(patches_of_ground(trial, 8), 5):
+        found = register(part, trial.target)
+        if found.accepted:
+            turned, away = pose_error(found.T_target_source, trial.T_target_source, part)
+            assert turned < 2
+            assert away < 0.5
+        refused += not found.accepted
+        options = RegistrationOptions(initial_transform=near_truth(trial, part).tolist())
+        there = register(part, trial.target, options)
+        turned, away = pose_error(there.T_target_source, trial.T_target_source, part)
+        told += there.accepted and turned < 2 and away < 0.5
+    assert refused >= 3, "patches that cannot be told from their surroundings"
+    assert told >= 3, "where to look makes the difference"

@@ -74,6 +74,19 @@ def test_uploads_expire_but_not_under_way(database: Database, tmp_path: Path) ->
     assert list((tmp_path / "uploads").iterdir()) == []
 
 
+def test_an_upload_that_expires_under_a_request_is_unknown_and_leaves_nothing(
+    database: Database, tmp_path: Path
+) -> None:
+    uploads = UploadStore(database, tmp_path / "uploads", retention_s=-1)
+    upload = uploads.create("lab", 9)
+    uploads.drop_expired()
+    with pytest.raises(UnknownUploadError):
+        uploads.offset(upload)
+    with pytest.raises(UnknownUploadError), uploads.appending(upload, 0):
+        pass
+    assert list((tmp_path / "uploads").iterdir()) == []
+
+
 def test_a_file_counts_once_for_its_tenant(database: Database) -> None:
     store = open_store(database)
     add(store), add(store)
