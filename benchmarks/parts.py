@@ -54,9 +54,10 @@ def parts(trial: Trial) -> Iterator[tuple[int, Array]]:
     for fraction in FRACTIONS:
         found = 0
         for centre in trial.source[rng.integers(len(trial.source), size=TRIES)]:
-            near = np.linalg.norm(trial.source - centre, axis=1) < whole / fraction
-            part = trial.source[near]
-            if found == PARTS_OF_A_PAIR or len(part) < LEAST_POINTS:
+            if found == PARTS_OF_A_PAIR:
+                break
+            part = trial.source[np.linalg.norm(trial.source - centre, axis=1) < whole / fraction]
+            if len(part) < LEAST_POINTS:
                 continue
             distance, _ = tree.query(apply(trial.T_target_source, part[::20]))
             if np.mean(distance < COVERED_WITHIN * whole) >= COVERED:
