@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.extent import extent
-from mpe_core.kernels.cells import LAST_CELL, nearest_within
+from mpe_core.kernels.cell_list import LAST_CELL, nearest_within
 from mpe_core.kernels.local_planes import local_planes
-from mpe_core.kernels.numbering import (
+from mpe_core.kernels.cell_table import (
     FEW_CELLS,
     MANY_CELLS,
     cells_of_buckets,
@@ -19,8 +19,8 @@ from mpe_core.kernels.numbering import (
     number_cells,
     table_of,
 )
-from mpe_core.kernels.partition import partitioned
-from mpe_core.kernels.rows import columns_at, rows_as_given
+from mpe_core.kernels.buckets import partitioned
+from mpe_core.kernels.point_rows import columns_at, rows_as_given
 
 Points = NDArray[np.float32]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.extent import centred, extents, products
+from mpe_core.kernels.bounds import centred, extents, products
 
 Array = NDArray[np.float64]
 

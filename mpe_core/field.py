@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.extent import extent
-from mpe_core.kernels.lattice import nearest_index
+from mpe_core.kernels.distance_transform import nearest_index
 from mpe_core.surface import Surface
 
 CELL = 0.03

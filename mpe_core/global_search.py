@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mpe_core.confidence import ACCEPTED
 from mpe_core.field import NearestField
-from mpe_core.kernels.votes import FACE, best_translations
-from mpe_core.kernels.waves import descend
+from mpe_core.kernels.translation_votes import FACE, best_translations
+from mpe_core.kernels.energy_descent import descend
 from mpe_core.knowledge import Knowledge
 from mpe_core.sampling import even_rows
 from mpe_core.surface import Surface

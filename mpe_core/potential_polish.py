@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.cells import Points
-from mpe_core.kernels.potential_newton import potential_moments
-from mpe_core.kernels.waves import move
+from mpe_core.kernels.potential_moments import potential_moments
+from mpe_core.kernels.energy_descent import move
 from mpe_core.polish import STILL, Polished
 from mpe_core.rigid import apply
 from mpe_core.uncertainty import Uncertainty, sandwich

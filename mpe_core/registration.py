@@ -10,7 +10,7 @@ from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
-from mpe_core.kernels.rows import row_distances
+from mpe_core.kernels.point_rows import row_distances
 from mpe_core.knowledge import Knowledge
 from mpe_core.mpl import align
 from mpe_core.neighbours import nearest_rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.rows import transformed
+from mpe_core.kernels.point_rows import transformed
 from mpe_core.validity import is_rotation
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.farthest import farthest_order
+from mpe_core.kernels.farthest_point import farthest_order
 
 
 def random_rows(

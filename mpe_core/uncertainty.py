@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.cells import CellList, Points
-from mpe_core.kernels.waves import move
+from mpe_core.kernels.energy_descent import move
 from mpe_core.polish import Nearest, TargetPlanes, nearest_planes
 from mpe_core.rigid import cross_matrix
 from mpe_core.scan import Sample

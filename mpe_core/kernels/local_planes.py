@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.cells import STEPS, cell_around, gap, run
+from mpe_core.kernels.cell_list import STEPS, cell_around, gap, run
 
 
 @njit(

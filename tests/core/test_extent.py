@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpe_core.extent import extent, scatter
-from mpe_core.kernels.extent import ROWS_PER_TASK
+from mpe_core.kernels.bounds import ROWS_PER_TASK
 
 
 @pytest.mark.parametrize("count", [1, 3, ROWS_PER_TASK, 3 * ROWS_PER_TASK + 7])

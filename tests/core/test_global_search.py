@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from mpe_core import RegistrationOptions, register
 from mpe_core.field import nearest_field
 from mpe_core.global_search import AGREEMENT, QUICK, bin_directions, distinct, find_poses
-from mpe_core.kernels.farthest import farthest_order
-from mpe_core.kernels.votes import best_translations, direction_bin
-from mpe_core.kernels.waves import descend
+from mpe_core.kernels.farthest_point import farthest_order
+from mpe_core.kernels.translation_votes import best_translations, direction_bin
+from mpe_core.kernels.energy_descent import descend
 from mpe_core.knowledge import Knowledge
 from mpe_core.rigid import apply, pose, rotation_error
 from mpe_core.rotations import even_rotations

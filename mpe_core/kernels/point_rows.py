@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, njit, prange, void
 
-from mpe_core.kernels.extent import GIVEN, SINGLE
+from mpe_core.kernels.bounds import GIVEN, SINGLE
 
 
 @njit(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.cells import cell_key, find_slot
+from mpe_core.kernels.cell_list import cell_key, find_slot
 
 FEW_CELLS = 2**12
 """Slots of a table to begin with where few points have a cell of their own, but no more than hold

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.cells import cell_key, hash_slot
+from mpe_core.kernels.cell_list import cell_key, hash_slot
 
 BUCKETS = 2048
 """10 million points into 1,024 to 4,096 of them: 0.09 to 0.1 s, and their nearest points of as many
