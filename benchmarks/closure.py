@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from mpe_core import register
-from mpe_core.rigid import inverse
+from mpe_core.geometry.rigid import inverse
 from tests.checks import rotation_error
 from tests.clouds import Array, points_of, true_pose
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from benchmarks.experiment import DATA
-from mpe_core.rigid import apply, inverse
+from mpe_core.geometry.rigid import apply, inverse
 from tests.clouds import Array, Pair, points_of, true_pose
 
 LEAST_OVERLAP = 0.15

@@ -22,7 +22,7 @@ from mpe_core.alignment import Alignment
 from mpe_core.cloud import Pair as Centred
 from mpe_core.cloud import as_pair, as_points
 from mpe_core.knowledge import Knowledge
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from mpe_core.scan import scan
 from tests.checks import pose_error
 from tests.clouds import Array, Pair, moved, real_trial

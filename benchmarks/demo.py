@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blade import scan
-from mpe_core.rigid import apply, inverse, rotation_error
+from mpe_core.geometry.rigid import apply, inverse, rotation_error
 from service.formats import read_points, write_ply
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from benchmarks.recall import is_right
 from mpe_core import register
 from mpe_core.cloud import radius
 from mpe_core.confidence import ACCEPTED
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from tests.checks import pose_error
 from tests.clouds import Array, Pair, Trial, real_trial
 

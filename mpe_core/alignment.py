@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList, LocalPlanes, Points
+from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
 from mpe_core.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
 from mpe_core.field import NearestField, nearest_field
 from mpe_core.global_search import Candidates, Effort, find_poses
@@ -23,7 +23,7 @@ from mpe_core.polish import (
     spread,
 )
 from mpe_core.potential_polish import EPS, descend_potential, potential_uncertainty
-from mpe_core.rigid import apply, inverse
+from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.scan import Sample, Scan
 from mpe_core.surface import Surface
 from mpe_core.uncertainty import (

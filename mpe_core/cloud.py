@@ -14,8 +14,8 @@ from mpe_core.errors import (
     InvalidWeightsError,
     TooFewPointsError,
 )
-from mpe_core.extent import Extent, extent, offsets, scatter
-from mpe_core.validity import LARGEST_COORDINATE
+from mpe_core.geometry.bounds import Extent, extent, offsets, scatter
+from mpe_core.geometry.validation import LARGEST_COORDINATE
 
 LEAST_RATIO = 1e-4
 """Radius of the smaller cloud over that of the larger one that is still resolved: in float32 the

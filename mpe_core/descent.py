@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.potential import Field, traction
-from mpe_core.rigid import apply, axis_rotation, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.extent import extent
+from mpe_core.geometry.bounds import extent
 from mpe_core.kernels.distance_transform import nearest_index
 from mpe_core.surface import Surface
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mpe_core.cloud import Pair
 from mpe_core.options import RegistrationOptions
-from mpe_core.rigid import axis_rotation, inverse, pose
-from mpe_core.rotations import even_rotations
+from mpe_core.geometry.rigid import axis_rotation, inverse, pose
+from mpe_core.geometry.rotations import even_rotations
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mpe_core.errors import InvalidOptionsError
-from mpe_core.validity import LARGEST_COORDINATE, is_rigid
+from mpe_core.geometry.validation import LARGEST_COORDINATE, is_rigid
 
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]

@@ -6,13 +6,13 @@ import numpy as np
 
 from mpe_core.cloud import Cloud, Pair
 from mpe_core.descent import EPS, Descent, descend
-from mpe_core.neighbours import Neighbours
+from mpe_core.geometry.nearest import Neighbours
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import Polished
 from mpe_core.potential import Array, ExactField, Field, TreeField
 from mpe_core.progress import Progress
 from mpe_core.refinement import trimmed_icp
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from mpe_core.sparse_search import sparse_mpe
 from mpe_core.tree import tree_order
 

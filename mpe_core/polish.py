@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList, Points
+from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.kernels.plane_equations import plane_equations
 from mpe_core.kernels.energy_descent import move
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from mpe_core.scan import Sample
 from mpe_core.surface import facing
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mpe_core.descent import Descent
-from mpe_core.neighbours import Neighbours
-from mpe_core.rigid import apply, fit, pose
+from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.rigid import apply, fit, pose
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,14 @@ from mpe_core.inliers import inlier_threshold
 from mpe_core.kernels.point_rows import row_distances
 from mpe_core.knowledge import Knowledge
 from mpe_core.mpl import align
-from mpe_core.neighbours import nearest_rows
+from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper import as_printed
 from mpe_core.polish import Polished
 from mpe_core.potential import p2_energy
 from mpe_core.progress import Progress, Report
 from mpe_core.result import Inliers, Registration
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from mpe_core.scan import Scan, scan
 from mpe_core.surface import VOXEL
 from mpe_core.uncertainty import Uncertainty

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList, Points, thin, thin_weighted
-from mpe_core.sampling import proportional_rows
+from mpe_core.geometry.cell_list import CellList, Points, thin, thin_weighted
+from mpe_core.geometry.sampling import proportional_rows
 from mpe_core.surface import VOXEL, Surface, facing, surface
 
 FINE = 1 / 3

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpe_core.descent import EPS, Descent, descend
 from mpe_core.potential import ExactField
-from mpe_core.sampling import random_rows
+from mpe_core.geometry.sampling import random_rows
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList, LocalPlanes, Points, thin
+from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, thin
 
 VOXEL = 0.015
 """Edge of the thinning cubes in radii of the smaller cloud (design study: 1.2-1.5 % keeps all 85

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.cells import CellList, Points
+from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.kernels.energy_descent import move
 from mpe_core.polish import Nearest, TargetPlanes, nearest_planes
-from mpe_core.rigid import cross_matrix
+from mpe_core.geometry.rigid import cross_matrix
 from mpe_core.scan import Sample
 
 Array = NDArray[np.float64]

@@ -110,7 +110,7 @@ def _document(found: Registration) -> str:
 
 
 def _summary(source: DecodedCloud, target: DecodedCloud, found: Registration) -> str:
-    from mpe_core.rigid import rotation_error
+    from mpe_core.geometry.rigid import rotation_error
 
     T = found.T_target_source
     rows = "\n".join("  " + "".join(f"{value:>16.9g}" for value in row) for row in T)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.rigid import apply, inverse, rotation_error
+from mpe_core.geometry.rigid import apply, inverse, rotation_error
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mpe_core.rigid import apply, axis_rotation, inverse, pose, random_rotation
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, random_rotation
 from service.formats import read_points
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from benchmarks.methods.method import Array, Method, version_of
-from mpe_core.rigid import apply, fit
-from mpe_core.sampling import random_rows
+from mpe_core.geometry.rigid import apply, fit
+from mpe_core.geometry.sampling import random_rows
 
 THINNED = 300  # target points while the width is large
 NEIGHBOURS = 50  # matches of a point afterwards; those farther off weigh next to nothing

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from benchmarks.methods.method import Array, Method, diagonal, version_of
-from mpe_core.rigid import apply, pose
+from mpe_core.geometry.rigid import apply, pose
 
 CELLS = 100  # of the distance transform along the diagonal
 MARGIN = 0.3  # of the diagonal around the target

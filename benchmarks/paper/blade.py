@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods.open3d_clouds import features, voxel_size
 from mpe_core import register
-from mpe_core.rigid import apply, inverse, random_rotation
+from mpe_core.geometry.rigid import apply, inverse, random_rotation
 from tests.checks import pose_error
 from tests.clouds import Array, Trial, motion
 

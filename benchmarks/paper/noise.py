@@ -37,7 +37,7 @@ from benchmarks.methods import (
     Method,
 )
 from benchmarks.paper.trials import anywhere
-from mpe_core.rigid import fit
+from mpe_core.geometry.rigid import fit
 from tests.clouds import Array, Trial, bunny, moved
 
 SIGMAS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16)

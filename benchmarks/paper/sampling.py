@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
 from mpe_core.cloud import as_pair, as_points
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from mpe_core.sparse_search import sparse_mpe
 from tests.clouds import bunny, moved
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from benchmarks.comparison import Row, by_method, compare, curves, described, settings_text
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import CPD, EM_ICP, MPE, MPL, MPL_PAPER
-from mpe_core.sampling import random_rows
+from mpe_core.geometry.sampling import random_rows
 from tests.clouds import Trial, bunny, moved
 
 SMALL, MEDIUM, LARGE = (1000, 2500), (5000, 7500), (15000, 25000, 35000)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchmarks.comparison import Row, compare, described, settings_text, values
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import GLOBAL, MPL, MPL_PAPER
-from mpe_core.rigid import apply
+from mpe_core.geometry.rigid import apply
 from tests.clouds import Trial, real_pair
 
 SUITES = ("kitti10m", "nclt", "eth_tls_facade", "lidar_car", "lidar_small_gicp")

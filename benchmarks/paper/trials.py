@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpe_core.rigid import apply, inverse, random_rotation
+from mpe_core.geometry.rigid import apply, inverse, random_rotation
 from tests.clouds import Array, Trial, motion, moved
 
 

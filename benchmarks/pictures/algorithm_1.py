@@ -13,7 +13,7 @@ from benchmarks.pictures.story import Story
 from mpe_core.cloud import as_pair, as_points
 from mpe_core.descent import EPS, descend
 from mpe_core.potential import OPENING, ExactField, Field, TreeField
-from mpe_core.rigid import fit, rotation_error
+from mpe_core.geometry.rigid import fit, rotation_error
 from mpe_core.tree import build_tree, tree_order
 from tests.clouds import bunny, moved
 

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 from benchmarks.closure import closure, triangles
-from mpe_core.rigid import inverse
+from mpe_core.geometry.rigid import inverse
 from tests.clouds import axis_rotation, random_rotation
 
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("matplotlib")
 from benchmarks import experiment
 from benchmarks.experiment import Experiment, main
-from mpe_core.rigid import apply, rotation_error
+from mpe_core.geometry.rigid import apply, rotation_error
 from tests.clouds import knot
 
 

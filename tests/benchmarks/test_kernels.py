@@ -8,10 +8,10 @@ import pytest
 
 from mpe_core import register
 from mpe_core.cloud import as_pair, as_points
-from mpe_core.neighbours import Neighbours
+from mpe_core.geometry.nearest import Neighbours
 from mpe_core.potential import ExactField
 from mpe_core.refinement import trimmed_icp
-from mpe_core.rigid import apply, axis_rotation, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.clouds import knot
 
 

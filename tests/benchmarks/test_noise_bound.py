@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.paper.noise import bound
-from mpe_core.rigid import fit, rotation_error
+from mpe_core.geometry.rigid import fit, rotation_error
 from tests.clouds import Array, knot
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.cells import LARGE, CellList, arranged, grid, thin
+from mpe_core.geometry.cell_list import LARGE, CellList, arranged, grid, thin
 from tests.clouds import bunny
 
 REACH = 0.1

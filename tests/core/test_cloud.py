@@ -10,7 +10,7 @@ from mpe_core.errors import (
     DegenerateCloudError,
     TooFewPointsError,
 )
-from mpe_core.rigid import apply, axis_rotation, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 

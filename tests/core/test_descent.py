@@ -5,7 +5,7 @@ import pytest
 
 from mpe_core.descent import EPS, LAST_TURN, descend
 from mpe_core.potential import ExactField
-from mpe_core.rigid import apply, axis_rotation, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.checks import assert_pose_close
 from tests.clouds import bunny
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mpe_core.extent import extent, scatter
+from mpe_core.geometry.bounds import extent, scatter
 from mpe_core.kernels.bounds import ROWS_PER_TASK
 
 

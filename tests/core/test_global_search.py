@@ -12,9 +12,9 @@ from mpe_core.kernels.farthest_point import farthest_order
 from mpe_core.kernels.translation_votes import best_translations, direction_bin
 from mpe_core.kernels.energy_descent import descend
 from mpe_core.knowledge import Knowledge
-from mpe_core.rigid import apply, pose, rotation_error
-from mpe_core.rotations import even_rotations
-from mpe_core.sampling import weighted_rows
+from mpe_core.geometry.rigid import apply, pose, rotation_error
+from mpe_core.geometry.rotations import even_rotations
+from mpe_core.geometry.sampling import weighted_rows
 from mpe_core.scan import scan
 from mpe_core.surface import surface
 from tests.checks import assert_pose_close

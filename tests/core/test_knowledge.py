@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mpe_core import InvalidOptionsError, InvalidWeightsError, RegistrationOptions, register
-from mpe_core.rigid import apply, axis_rotation, inverse, pose, rotation_error
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
 from tests.checks import assert_pose_close, pose_error
 from tests.clouds import bunny, knot, motion, moved, real_pair, room, sheet, turned_over
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.cells import LARGE, occupied
-from mpe_core.neighbours import PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
+from mpe_core.geometry.cell_list import LARGE, occupied
+from mpe_core.geometry.nearest import PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
 from tests.clouds import bunny
 
 

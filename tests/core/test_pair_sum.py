@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mpe_core.potential import ExactField, p2_energy, traction
-from mpe_core.rigid import apply, axis_rotation, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 
 
 def force_twin(x, y, eps, masses):

@@ -5,7 +5,7 @@ import pytest
 
 from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.potential_polish import _Expansion, descend_potential
-from mpe_core.rigid import axis_rotation, pose, rotation_error
+from mpe_core.geometry.rigid import axis_rotation, pose, rotation_error
 from tests.clouds import bunny, knot, moved
 
 

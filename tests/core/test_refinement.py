@@ -5,9 +5,9 @@ import pytest
 
 from mpe_core.cloud import as_pair, as_points
 from mpe_core.inliers import inlier_threshold
-from mpe_core.neighbours import Neighbours
+from mpe_core.geometry.nearest import Neighbours
 from mpe_core.refinement import trimmed_count, trimmed_icp
-from mpe_core.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from tests.checks import assert_pose_close
 from tests.clouds import bunny, points_of, real_pair
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mpe_core import InvalidOptionsError, RegistrationOptions, TooFewPointsError, register
-from mpe_core.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from tests.checks import assert_pose_close
 from tests.clouds import knot, moved, real_pair
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mpe_core.rigid import (
+from mpe_core.geometry.rigid import (
     apply,
     axis_rotation,
     fit,

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from tests.clouds import bunny, moved
 
 

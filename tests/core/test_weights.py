@@ -5,11 +5,11 @@ import pytest
 
 from mpe_core import RegistrationOptions, register
 from mpe_core.descent import EPS, descend
-from mpe_core.neighbours import Neighbours
+from mpe_core.geometry.nearest import Neighbours
 from mpe_core.potential import ExactField, TreeField
 from mpe_core.refinement import LEAST_OVERLAP, trimmed_count, trimmed_icp
-from mpe_core.rigid import apply, axis_rotation, inverse, pose
-from mpe_core.sampling import random_rows
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.geometry.sampling import random_rows
 from mpe_core.tree import tree_order
 from tests.checks import assert_pose_close, pose_error
 from tests.clouds import Trial, bunny, with_passer

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpe_core.rigid import inverse
+from mpe_core.geometry.rigid import inverse
 from service.cli import main
 from service.formats import write_ply
 from tests.checks import assert_pose_close

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mpe_core.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from service.formats import write_ply
 from tests.checks import assert_pose_close, pose_error
 from tests.clouds import bunny, knot, motion, room, sheet, turned_over, with_passer

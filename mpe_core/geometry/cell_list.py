@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.extent import extent
+from mpe_core.geometry.bounds import extent
 from mpe_core.kernels.cell_list import LAST_CELL, nearest_within
 from mpe_core.kernels.local_planes import local_planes
 from mpe_core.kernels.cell_table import (

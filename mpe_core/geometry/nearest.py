@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mpe_core.cells import CellList, occupied
+from mpe_core.geometry.cell_list import CellList, occupied
 
 
 class Neighbours:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.kernels.point_rows import transformed
-from mpe_core.validity import is_rotation
+from mpe_core.geometry.validation import is_rotation
 
 Array = NDArray[np.float64]
 
