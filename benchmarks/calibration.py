@@ -15,7 +15,7 @@ from benchmarks.experiment import DATA, Experiment, Result
 from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from mpe_core import register
-from mpe_core.cloud import as_pair, as_points
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.confidence import Evidence
 from tests.checks import pose_error
 from tests.clouds import Array, real_trial

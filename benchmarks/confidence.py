@@ -19,11 +19,11 @@ from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.alignment import Alignment
-from mpe_core.cloud import Pair as Centred
-from mpe_core.cloud import as_pair, as_points
+from mpe_core.clouds.normalize import Pair as Centred
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.knowledge import Knowledge
 from mpe_core.geometry.rigid import apply
-from mpe_core.scan import scan
+from mpe_core.clouds.preprocess import scan
 from tests.checks import pose_error
 from tests.clouds import Array, Pair, moved, real_trial
 

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.recall import is_right
 from mpe_core import register
-from mpe_core.cloud import radius
+from mpe_core.clouds.normalize import radius
 from mpe_core.confidence import ACCEPTED
 from mpe_core.geometry.rigid import apply
 from tests.checks import pose_error

@@ -24,8 +24,8 @@ from mpe_core.polish import (
 )
 from mpe_core.potential_polish import EPS, descend_potential, potential_uncertainty
 from mpe_core.geometry.rigid import apply, inverse
-from mpe_core.scan import Sample, Scan
-from mpe_core.surface import Surface
+from mpe_core.clouds.preprocess import Sample, Scan
+from mpe_core.clouds.surface import Surface
 from mpe_core.uncertainty import (
     PROBED_POINTS,
     Uncertainty,

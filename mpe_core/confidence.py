@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.polish import TargetPlanes, nearest_planes
-from mpe_core.scan import Sample
+from mpe_core.clouds.preprocess import Sample
 
 LEAST_SHARP, SHARP_SPACINGS, SHARP_NOISES = 0.006, 0.3, 1.5
 """Distance from a plane that counts as on it: in radii of the smaller cloud, in point spacings and

@@ -14,7 +14,7 @@ from mpe_core.kernels.translation_votes import FACE, best_translations
 from mpe_core.kernels.energy_descent import descend
 from mpe_core.knowledge import Knowledge
 from mpe_core.geometry.sampling import even_rows
-from mpe_core.surface import Surface
+from mpe_core.clouds.surface import Surface
 
 Poses = NDArray[np.float64]
 

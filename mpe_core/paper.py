@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpe_core.cloud import Cloud, Pair
+from mpe_core.clouds.normalize import Cloud, Pair
 from mpe_core.descent import EPS, Descent, descend
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.options import RegistrationOptions

@@ -11,8 +11,8 @@ from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.kernels.plane_equations import plane_equations
 from mpe_core.kernels.energy_descent import move
 from mpe_core.geometry.rigid import apply
-from mpe_core.scan import Sample
-from mpe_core.surface import facing
+from mpe_core.clouds.preprocess import Sample
+from mpe_core.clouds.surface import facing
 
 Pose = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.alignment import Aligned, Alignment
-from mpe_core.cloud import Cloud, Pair, as_pair, as_points, radius
+from mpe_core.clouds.normalize import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
@@ -21,10 +21,10 @@ from mpe_core.potential import p2_energy
 from mpe_core.progress import Progress, Report
 from mpe_core.result import Inliers, Registration
 from mpe_core.geometry.rigid import apply
-from mpe_core.scan import Scan, scan
-from mpe_core.surface import VOXEL
+from mpe_core.clouds.preprocess import Scan, scan
+from mpe_core.clouds.surface import VOXEL
 from mpe_core.uncertainty import Uncertainty
-from mpe_core.units import unit_mismatch
+from mpe_core.clouds.unit_check import unit_mismatch
 
 LEAST_VOXEL, MOST_VOXEL = 1e-3, 0.2
 """Finest and coarsest thinning, in radii of the smaller cloud; a sphere of radius 1 keeps some 300

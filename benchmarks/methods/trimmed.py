@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.methods.method import Array, Method, version_of
-from mpe_core.cloud import as_pair, as_points
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.refinement import trimmed_icp
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
-from mpe_core.cloud import as_pair, as_points
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.rigid import apply
 from mpe_core.sparse_search import sparse_mpe
 from tests.clouds import bunny, moved

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.experiment import DATA
 from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, bare, dots
 from benchmarks.pictures.story import Story
-from mpe_core.cloud import as_pair, as_points
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.descent import EPS, descend
 from mpe_core.potential import OPENING, ExactField, Field, TreeField
 from mpe_core.geometry.rigid import fit, rotation_error

@@ -15,7 +15,7 @@ from mpe_core import global_search
 from mpe_core.descent import EPS
 from mpe_core.potential import ExactField
 from mpe_core.geometry.rigid import apply, rotation_error
-from mpe_core.surface import Surface
+from mpe_core.clouds.surface import Surface
 
 Array = NDArray[np.float64]
 

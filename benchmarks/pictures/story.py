@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from benchmarks.experiment import DATA
 from mpe_core import Registration, RegistrationOptions, global_search, registration
-from mpe_core.cloud import Pair, as_pair, as_points
+from mpe_core.clouds.normalize import Pair, as_pair, as_points
 from mpe_core.geometry.rigid import rotation_error
-from mpe_core.surface import Surface
+from mpe_core.clouds.surface import Surface
 from tests.clouds import real_pair
 
 Array = NDArray[np.float64]

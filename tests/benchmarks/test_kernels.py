@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mpe_core import register
-from mpe_core.cloud import as_pair, as_points
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.potential import ExactField
 from mpe_core.refinement import trimmed_icp

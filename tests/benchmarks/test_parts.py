@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 from benchmarks.parts import FRACTIONS, LEAST_POINTS, PARTS, PARTS_OF_A_PAIR, parts
-from mpe_core.cloud import radius
+from mpe_core.clouds.normalize import radius
 from tests.clouds import real_pair
 
 

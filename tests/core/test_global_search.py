@@ -15,8 +15,8 @@ from mpe_core.knowledge import Knowledge
 from mpe_core.geometry.rigid import apply, pose, rotation_error
 from mpe_core.geometry.rotations import even_rotations
 from mpe_core.geometry.sampling import weighted_rows
-from mpe_core.scan import scan
-from mpe_core.surface import surface
+from mpe_core.clouds.preprocess import scan
+from mpe_core.clouds.surface import surface
 from tests.checks import assert_pose_close
 from tests.clouds import bunny, moved, real_pair
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mpe_core import register
-from mpe_core.units import unit_mismatch
+from mpe_core.clouds.unit_check import unit_mismatch
 from tests.clouds import real_pair
 
 
