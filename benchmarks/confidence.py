@@ -21,7 +21,7 @@ from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.alignment import Alignment
 from mpe_core.clouds.normalize import Pair as Centred
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.knowledge import Knowledge
+from mpe_core.search.pose_prior import Knowledge
 from mpe_core.geometry.rigid import apply
 from mpe_core.clouds.preprocess import scan
 from tests.checks import pose_error

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
 from mpe_core.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
-from mpe_core.field import NearestField, nearest_field
-from mpe_core.global_search import Candidates, Effort, find_poses
-from mpe_core.knowledge import Knowledge
+from mpe_core.search.nearest_lattice import NearestField, nearest_field
+from mpe_core.search.pose_search import Candidates, Effort, find_poses
+from mpe_core.search.pose_prior import Knowledge
 from mpe_core.options import RegistrationOptions
 from mpe_core.polish import (
     SMOOTHED,

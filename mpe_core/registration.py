@@ -11,7 +11,7 @@ from mpe_core.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.inliers import inlier_threshold
 from mpe_core.kernels.point_rows import row_distances
-from mpe_core.knowledge import Knowledge
+from mpe_core.search.pose_prior import Knowledge
 from mpe_core.mpl import align
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.options import RegistrationOptions

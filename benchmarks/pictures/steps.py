@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, dots, legend, panels
 from benchmarks.pictures.story import Story
-from mpe_core import global_search
+from mpe_core.search import pose_search as global_search
 from mpe_core.descent import EPS
 from mpe_core.potential import ExactField
 from mpe_core.geometry.rigid import apply, rotation_error

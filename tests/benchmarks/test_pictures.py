@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from mpe_core.global_search import QUICK
+from mpe_core.search.pose_search import QUICK
 from tests.conftest import PROJECT
 
 pictures = pytest.importorskip("benchmarks.pictures", reason="matplotlib is not installed")

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.confidence import ACCEPTED
-from mpe_core.field import NearestField
+from mpe_core.search.nearest_lattice import NearestField
 from mpe_core.kernels.translation_votes import FACE, best_translations
 from mpe_core.kernels.energy_descent import descend
-from mpe_core.knowledge import Knowledge
+from mpe_core.search.pose_prior import Knowledge
 from mpe_core.geometry.sampling import even_rows
 from mpe_core.clouds.surface import Surface
 
