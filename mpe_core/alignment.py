@@ -14,7 +14,7 @@ from mpe_core.search.nearest_lattice import NearestField, nearest_field
 from mpe_core.search.pose_search import Candidates, Effort, find_poses
 from mpe_core.search.pose_prior import Knowledge
 from mpe_core.options import RegistrationOptions
-from mpe_core.polish import (
+from mpe_core.refine.point_to_plane import (
     SMOOTHED,
     Polished,
     TargetPlanes,
@@ -22,7 +22,7 @@ from mpe_core.polish import (
     point_to_plane,
     spread,
 )
-from mpe_core.potential_polish import EPS, descend_potential, potential_uncertainty
+from mpe_core.refine.full_sum import EPS, descend_potential, potential_uncertainty
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.clouds.preprocess import Sample, Scan
 from mpe_core.clouds.surface import Surface

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.polish import TargetPlanes, nearest_planes
+from mpe_core.refine.point_to_plane import TargetPlanes, nearest_planes
 from mpe_core.clouds.preprocess import Sample
 
 LEAST_SHARP, SHARP_SPACINGS, SHARP_NOISES = 0.006, 0.3, 1.5

@@ -8,7 +8,7 @@ from mpe_core.clouds.normalize import Cloud, Pair
 from mpe_core.descent import EPS, Descent, descend
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.options import RegistrationOptions
-from mpe_core.polish import Polished
+from mpe_core.refine.point_to_plane import Polished
 from mpe_core.potential import Array, ExactField, Field, TreeField
 from mpe_core.progress import Progress
 from mpe_core.refinement import trimmed_icp

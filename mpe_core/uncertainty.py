@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.kernels.energy_descent import move
-from mpe_core.polish import Nearest, TargetPlanes, nearest_planes
+from mpe_core.refine.point_to_plane import Nearest, TargetPlanes, nearest_planes
 from mpe_core.geometry.rigid import cross_matrix
 from mpe_core.clouds.preprocess import Sample
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpe_core.kernels.potential_moments import potential_moments
-from mpe_core.potential_polish import _Expansion, descend_potential
+from mpe_core.refine.full_sum import _Expansion, descend_potential
 from mpe_core.geometry.rigid import axis_rotation, pose, rotation_error
 from tests.clouds import bunny, knot, moved
 

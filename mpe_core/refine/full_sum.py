@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mpe_core.geometry.cell_list import Points
 from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.kernels.energy_descent import move
-from mpe_core.polish import STILL, Polished
+from mpe_core.refine.point_to_plane import STILL, Polished
 from mpe_core.geometry.rigid import apply
 from mpe_core.uncertainty import Uncertainty, sandwich
 
