@@ -16,7 +16,7 @@ from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from mpe_core import register
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.confidence import Evidence
+from mpe_core.assess.confidence import Evidence
 from tests.checks import pose_error
 from tests.clouds import Array, real_trial
 

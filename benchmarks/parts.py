@@ -15,7 +15,7 @@ from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.recall import is_right
 from mpe_core import register
 from mpe_core.clouds.normalize import radius
-from mpe_core.confidence import ACCEPTED
+from mpe_core.assess.confidence import ACCEPTED
 from mpe_core.geometry.rigid import apply
 from tests.checks import pose_error
 from tests.clouds import Array, Pair, Trial, real_trial

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
-from mpe_core.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
+from mpe_core.assess.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
 from mpe_core.search.nearest_lattice import NearestField, nearest_field
 from mpe_core.search.pose_search import Candidates, Effort, find_poses
 from mpe_core.search.pose_prior import Knowledge
@@ -26,7 +26,7 @@ from mpe_core.refine.full_sum import EPS, descend_potential, potential_uncertain
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.clouds.preprocess import Sample, Scan
 from mpe_core.clouds.surface import Surface
-from mpe_core.uncertainty import (
+from mpe_core.assess.covariance import (
     PROBED_POINTS,
     Uncertainty,
     free_count,

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.alignment import Aligned, Alignment
 from mpe_core.clouds.normalize import Cloud, Pair, as_pair, as_points, radius
-from mpe_core.confidence import Evidence
+from mpe_core.assess.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
-from mpe_core.inliers import inlier_threshold
+from mpe_core.assess.inliers import inlier_threshold
 from mpe_core.kernels.point_rows import row_distances
 from mpe_core.search.pose_prior import Knowledge
 from mpe_core.mpl import align
@@ -23,7 +23,7 @@ from mpe_core.result import Inliers, Registration
 from mpe_core.geometry.rigid import apply
 from mpe_core.clouds.preprocess import Scan, scan
 from mpe_core.clouds.surface import VOXEL
-from mpe_core.uncertainty import Uncertainty
+from mpe_core.assess.covariance import Uncertainty
 from mpe_core.clouds.unit_check import unit_mismatch
 
 LEAST_VOXEL, MOST_VOXEL = 1e-3, 0.2

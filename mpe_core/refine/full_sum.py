@@ -11,7 +11,7 @@ from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.kernels.energy_descent import move
 from mpe_core.refine.point_to_plane import STILL, Polished
 from mpe_core.geometry.rigid import apply
-from mpe_core.uncertainty import Uncertainty, sandwich
+from mpe_core.assess.covariance import Uncertainty, sandwich
 
 Pose = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.confidence import ACCEPTED
+from mpe_core.assess.confidence import ACCEPTED
 from mpe_core.search.nearest_lattice import NearestField
 from mpe_core.kernels.translation_votes import FACE, best_translations
 from mpe_core.kernels.energy_descent import descend

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("matplotlib")
 from benchmarks.calibration import fit
 from benchmarks.experiment import RESULTS
-from mpe_core.confidence import NEAR_WEIGHT, OFFSET, SHARP_WEIGHT
+from mpe_core.assess.confidence import NEAR_WEIGHT, OFFSET, SHARP_WEIGHT
 
 
 def test_the_weights_in_use_are_the_fitted_ones():

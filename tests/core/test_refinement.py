@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.inliers import inlier_threshold
+from mpe_core.assess.inliers import inlier_threshold
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.refinement import trimmed_count, trimmed_icp
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
