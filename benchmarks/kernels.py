@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.experiment import Experiment, Result, markdown, timed
 from benchmarks.roofs import bandwidth, peak_flops
-from mpe_core.potential import ExactField
+from mpe_core.paper.force_field import ExactField
 
 COUNTS = (1889, 8171, 35947)
 REPEATS = 9

@@ -15,9 +15,9 @@ from mpe_core.search.pose_prior import Knowledge
 from mpe_core.mpl import align
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.options import RegistrationOptions
-from mpe_core.paper import as_printed
+from mpe_core.paper.methods import as_printed
 from mpe_core.refine.point_to_plane import Polished
-from mpe_core.potential import p2_energy
+from mpe_core.paper.force_field import p2_energy
 from mpe_core.progress import Progress, Report
 from mpe_core.result import Inliers, Registration
 from mpe_core.geometry.rigid import apply

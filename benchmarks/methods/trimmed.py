@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.methods.method import Array, Method, version_of
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.nearest import Neighbours
-from mpe_core.refinement import trimmed_icp
+from mpe_core.paper.trimmed_icp import trimmed_icp
 
 
 def run(source: Array, target: Array) -> Array:

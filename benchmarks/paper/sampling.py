@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.rigid import apply
-from mpe_core.sparse_search import sparse_mpe
+from mpe_core.paper.sparse_search import sparse_mpe
 from tests.clouds import bunny, moved
 
 PAPER = {  # ratio: mean seconds, error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.refinement import trimmed_count
+from mpe_core.paper.trimmed_icp import trimmed_count
 
 NOISE_FACTOR = 3.0
 """Threshold over the root mean square of the inlier distances: 3 sigma of a Gaussian."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mpe_core.descent import EPS, LAST_TURN, descend
-from mpe_core.potential import ExactField
+from mpe_core.paper.algorithm1 import EPS, LAST_TURN, descend
+from mpe_core.paper.force_field import ExactField
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.checks import assert_pose_close
 from tests.clouds import bunny

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from mpe_core.potential import ExactField, p2_energy, traction
+from mpe_core.paper.force_field import ExactField, p2_energy, traction
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
 
 

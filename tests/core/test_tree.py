@@ -8,8 +8,8 @@ import pytest
 
 from mpe_core import InvalidOptionsError, RegistrationOptions, register
 from mpe_core.kernels.tree_sum import GROUP
-from mpe_core.potential import ExactField, TreeField
-from mpe_core.tree import build_tree, tree_order
+from mpe_core.paper.force_field import ExactField, TreeField
+from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
 from tests.checks import pose_error
 from tests.clouds import bunny, knot, moved, real_pair
 
@@ -33,7 +33,7 @@ def test_force_is_the_double_sum(counts, eps):
 
 
 def test_without_cells_afar_it_is_the_exact_sum(monkeypatch):
-    monkeypatch.setattr("mpe_core.potential.OPENING", np.float32(0))
+    monkeypatch.setattr("mpe_core.paper.force_field.OPENING", np.float32(0))
     rng = np.random.default_rng(1)
     x, y = knot(500, rng) + 0.1, knot(3000, rng)
     assert off(TreeField(y, 0.05).force(x), ExactField(y, 0.05).force(x)) < 1e-6

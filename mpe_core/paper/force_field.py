@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpe_core.kernels.pair_sum import pair_force
 from mpe_core.kernels.tree_sum import tree_force
-from mpe_core.tree import build_tree
+from mpe_core.paper.barnes_hut_tree import build_tree
 
 Array = NDArray[np.float64]
 

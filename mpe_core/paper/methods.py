@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from mpe_core.clouds.normalize import Cloud, Pair
-from mpe_core.descent import EPS, Descent, descend
+from mpe_core.paper.algorithm1 import EPS, Descent, descend
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.options import RegistrationOptions
 from mpe_core.refine.point_to_plane import Polished
-from mpe_core.potential import Array, ExactField, Field, TreeField
+from mpe_core.paper.force_field import Array, ExactField, Field, TreeField
 from mpe_core.progress import Progress
-from mpe_core.refinement import trimmed_icp
+from mpe_core.paper.trimmed_icp import trimmed_icp
 from mpe_core.geometry.rigid import apply
-from mpe_core.sparse_search import sparse_mpe
-from mpe_core.tree import tree_order
+from mpe_core.paper.sparse_search import sparse_mpe
+from mpe_core.paper.barnes_hut_tree import tree_order
 
 Weights = tuple[Array | None, Array | None]
 """(N,) of the source and (M,) of the target, where there are any."""
