@@ -18,7 +18,7 @@ from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
-from mpe_core.alignment import Alignment
+from mpe_core.evaluator import Alignment
 from mpe_core.clouds.normalize import Pair as Centred
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.search.pose_prior import Knowledge

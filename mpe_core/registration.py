@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpe_core.alignment import Aligned, Alignment
+from mpe_core.evaluator import Aligned, Alignment
 from mpe_core.clouds.normalize import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.assess.confidence import Evidence
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.assess.inliers import inlier_threshold
 from mpe_core.kernels.point_rows import row_distances
 from mpe_core.search.pose_prior import Knowledge
-from mpe_core.mpl import align
+from mpe_core.pipeline import align
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.methods import as_printed

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpe_core.alignment import Aligned, Alignment
+from mpe_core.evaluator import Aligned, Alignment
 from mpe_core.search.pose_search import EFFORTS, Effort, distinct
 from mpe_core.progress import Progress
 
