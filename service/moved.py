@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats import DecodedCloud
-from service.formats.names import find_normals
+from service.formats.column_names import find_normals
 
 FINE = 1e-6
 """Share of the extent by which float32 may round; else the points become float64."""

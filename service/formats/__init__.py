@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from service.formats.catalogue import FORMATS, Format
-from service.formats.cloud import DecodedCloud, Limits
+from service.formats.registry import FORMATS, Format
+from service.formats.decoded_cloud import DecodedCloud, Limits
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -13,8 +13,8 @@ from service.formats.errors import (
     UnknownFormatError,
     UnsupportedFileError,
 )
-from service.formats.reading import read_points, sniff
-from service.formats.writing import WRITERS, write_cloud, write_ply
+from service.formats.read import read_points, sniff
+from service.formats.write import WRITERS, write_cloud, write_ply
 
 __all__ = [
     "FORMATS",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -18,7 +18,7 @@ from service.formats.errors import (
     TruncatedFileError,
     UnsupportedFileError,
 )
-from service.formats.scans import chosen
+from service.formats.multi_scan import chosen
 
 MAGIC = b"ASTM-E57"
 _LARGEST_XML = 16 << 20

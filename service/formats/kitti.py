@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import MalformedFileError
-from service.formats.mapped import mapped
+from service.formats.memory_map import mapped
 
 _ROW = 16
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import (
     FileLimitError,
     MalformedFileError,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.formats.cloud import DecodedCloud
+from service.formats.decoded_cloud import DecodedCloud
 
 
 class PreparedClouds:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import MalformedFileError
-from service.formats.table import Dialect, head_lines, read_columns
+from service.formats.text_table import Dialect, head_lines, read_columns
 
 _OBJ = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:v|vn|vt|o|g|s|f|mtllib|usemtl)[ \t]")
 _OFF = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:ST)?C?N?OFF\s")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats import mesh_text
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.mesh import text as mesh_text
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
-from service.formats.gltf import check_gltf
+from service.formats.mesh.gltf import check_gltf
 
 SEED = 0  # of the surface samples: the same file gives the same points
 _STL_HEAD, _STL_ROW = 84, 50

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
-from service.formats.mapped import mapped
-from service.formats.names import find_normals, find_xyz
-from service.formats.pcd_header import Header, parse_header
-from service.formats.table import ends_with_newline, read_columns
+from service.formats.memory_map import mapped
+from service.formats.column_names import find_normals, find_xyz
+from service.formats.pcd.header import Header, parse_header
+from service.formats.text_table import ends_with_newline, read_columns
 
 _START = re.compile(rb"(\s*#[^\n]*\n)*\s*(VERSION|FIELDS|COLUMNS)\s")
 _MOST_PER_BYTE = 88

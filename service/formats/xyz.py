@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.cloud import DecodedCloud, Limits
+from service.formats.decoded_cloud import DecodedCloud, Limits
 from service.formats.errors import (
     MalformedFileError,
     TruncatedFileError,
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.names import find_normals, find_xyz
-from service.formats.table import Dialect, ends_with_newline, head_lines, read_columns
+from service.formats.column_names import find_normals, find_xyz
+from service.formats.text_table import Dialect, ends_with_newline, head_lines, read_columns
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|\s*[+-]?(nan|inf)\s*", re.I)
 _DELIMITERS = (";", "\t", ",", None)  # None: any run of blanks

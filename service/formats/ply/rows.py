@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.errors import MalformedFileError, TruncatedFileError
-from service.formats.ply_header import Element
+from service.formats.ply.header import Element
 
 _FIRST_RUN = 64
 

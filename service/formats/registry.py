@@ -21,7 +21,7 @@ from service.formats import (
     text,
     wrapped,
 )
-from service.formats.cloud import DecodedCloud
+from service.formats.decoded_cloud import DecodedCloud
 
 Choice = Literal["scan", "surface_samples", "attributes", "weights"]
 """All attributes, or the one that holds the weights."""

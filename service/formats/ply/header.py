@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from service.formats.cloud import Limits
+from service.formats.decoded_cloud import Limits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
 Order = Literal["", "<", ">"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from service.formats.cloud import Limits
+from service.formats.decoded_cloud import Limits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")

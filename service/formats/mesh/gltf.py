@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from service.formats.cloud import Limits, check_count
+from service.formats.decoded_cloud import Limits, check_count
 from service.formats.errors import (
     FileLimitError,
     MalformedFileError,

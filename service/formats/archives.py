@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from service.formats.cloud import Limits
+from service.formats.decoded_cloud import Limits
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,

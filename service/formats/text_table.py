@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.cloud import Limits
+from service.formats.decoded_cloud import Limits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
 _SCAN_BYTES = 1 << 20

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
-from service.formats.mapped import mapped
-from service.formats.ply_header import Element, Header, parse_header
-from service.formats.ply_rows import read_rows
-from service.formats.table import ends_with_newline, read_columns
+from service.formats.memory_map import mapped
+from service.formats.ply.header import Element, Header, parse_header
+from service.formats.ply.rows import read_rows
+from service.formats.text_table import ends_with_newline, read_columns
 
 MAGIC = b"ply"
 _XYZ = ("x", "y", "z")
