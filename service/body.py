@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from service.problems import BodyTooLargeError, MalformedBodyError
-from service.storage import Blob, BlobStore, BlobWriter
+from service.storage.blobs import Blob, BlobStore, BlobWriter
 
 MAX_PARTS = 16
 MAX_TEXT_BYTES = 1 << 18

@@ -14,7 +14,7 @@ from service.jobs.job import CloudInput
 from service.jobs.listing import Place
 from service.jobs.tables import clouds
 from service.problems import InvalidRequestError, UnknownCloudError
-from service.storage import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore
 
 SNIFFED_BYTES = 4096
 

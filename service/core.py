@@ -15,7 +15,7 @@ from service.jobs.store import JobStore
 from service.rate_limit import RateLimit
 from service.settings import Settings
 from service.share import Shares
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 from service.telemetry import Telemetry
 from service.uploads import UploadStore
 

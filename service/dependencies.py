@@ -18,7 +18,7 @@ from service.jobs.job import JobRow
 from service.origin import check_origin
 from service.problems import UnknownRegistrationError
 from service.schemas import FormatName
-from service.storage import Blob
+from service.storage.blobs import Blob
 from service.submission import Submission, read_submission
 
 _WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)

@@ -21,7 +21,7 @@ from service.keys import KeyStore
 from service.metrics import Metrics
 from service.settings import Settings
 from service.share import Shares
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 from service.telemetry import Telemetry
 from service.tracing import Tracing
 from service.upkeep import Upkeep

@@ -19,7 +19,7 @@ from service.jobs.job import CloudInput
 from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
-from service.storage import Blob
+from service.storage.blobs import Blob
 
 CLOUDS = ("source", "target")
 

@@ -8,9 +8,9 @@ import time
 
 from service.core import Service
 from service.fetching import forget_removed
-from service.jobs.prepared import PreparedClouds
+from service.storage.decoded_cache import PreparedClouds
 from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
-from service.jobs.scratch import discard_scratch
+from service.storage.scratch import discard_scratch
 
 log = logging.getLogger(__name__)
 

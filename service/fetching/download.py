@@ -20,7 +20,7 @@ from service.problems import (
     FetchTooLargeError,
     FetchUnreachableError,
 )
-from service.storage import Blob, BlobStore, BlobWriter
+from service.storage.blobs import Blob, BlobStore, BlobWriter
 
 PAUSES_S = (0.2, 0.5, 1.0, 2.0)
 """Seconds before each further try after a cut."""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from service.fetching.validators import Validators
-from service.storage import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore
 
 
 @dataclass(frozen=True, slots=True)

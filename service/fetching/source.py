@@ -14,7 +14,7 @@ from service.fetching.stopwatch import TimeBounds
 from service.fetching.urls import parse_url
 from service.problems import AddressRefusedError
 from service.settings import Settings
-from service.storage import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore
 
 S3_PREFIX = "s3://"
 

@@ -28,13 +28,13 @@ from service.jobs.confinement import (
 )
 from service.jobs.fetch import fetched
 from service.jobs.job import CloudInput, Outcome
-from service.jobs.prepared import PreparedClouds
+from service.storage.decoded_cache import PreparedClouds
 from service.jobs.seal import seal_off_network
 from service.jobs.task import FetchTask, Task
 from service.logs import job_id
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.result import inlier_array, result_document
-from service.storage import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore
 
 Report = Callable[[str, float], None]
 PROGRESS_EVERY_S = 0.2

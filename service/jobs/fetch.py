@@ -10,7 +10,7 @@ from service.fetching import KnownFiles, fetch
 from service.jobs.job import CloudInput
 from service.jobs.task import FetchTask
 from service.problems import AddressRefusedError, FetchError
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 
 
 def is_needed(cloud: CloudInput) -> bool:

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from service.jobs.changes import Announce
 from service.jobs.child import Child, prepare_forkserver
 from service.jobs.job import JobRow
-from service.jobs.scratch import discard_scratch
+from service.storage.scratch import discard_scratch
 from service.jobs.store import JobStore
 from service.jobs.worker import LEASE_S, Worker
 from service.logs import about_job
 from service.problems import NotReadyError
 from service.settings import Settings
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 
 POLL_S = 1.0
 

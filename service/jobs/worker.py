@@ -17,7 +17,7 @@ from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
 from service.jobs.fetch import is_needed
 from service.jobs.job import CloudInput, JobRow, Outcome, is_terminal
-from service.jobs.scratch import scratch_of
+from service.storage.scratch import scratch_of
 from service.jobs.standby import Standby
 from service.jobs.store import JobStore
 from service.jobs.task import FetchTask, Task
@@ -30,7 +30,7 @@ from service.problems import (
     error_problem,
 )
 from service.settings import Settings
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 
 LEASE_S = 30.0
 HEARTBEAT_S = LEASE_S / 3

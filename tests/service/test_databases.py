@@ -13,7 +13,7 @@ from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs, stored_bytes
 from service.keys import KeyStore, Limits, parted
 from service.problems import InvalidRequestError, UnknownCloudError, UnknownUploadError
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 from service.uploads import UploadStore
 from tests.service.test_store import CLOUD, OUTCOME, add, claimed, open_store
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from service.formats import DecodedCloud
-from service.jobs.prepared import PreparedClouds
+from service.storage.decoded_cache import PreparedClouds
 
 HASH = "ab" * 32
 POINTS = np.random.default_rng(0).normal(size=(50, 3))

@@ -13,7 +13,7 @@ from service.jobs import deliveries
 from service.jobs.database import Database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.intake import Idempotency
-from service.jobs.scratch import discard_scratch, scratch_of
+from service.storage.scratch import discard_scratch, scratch_of
 from service.jobs.store import JobStore
 from service.problems import QueueFullError
 from tests.service.test_store import LEASE_S, add, claimed, new_job, open_store

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from service.storage import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore
 
 
 def files(store: BlobStore) -> list[Path]:

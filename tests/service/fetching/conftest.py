@@ -13,7 +13,7 @@ from service.fetching.known import KnownFiles
 from service.fetching.rules import Rules
 from service.fetching.stopwatch import TimeBounds
 from service.fetching.urls import parse_url
-from service.storage import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore
 from tests.service.fetching.web import OPEN, Names, Web, serving
 
 Fetch = Callable[..., Blob]

@@ -19,7 +19,7 @@ from service.problems import (
     FetchTooSlowError,
     FetchUnreachableError,
 )
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 from tests.service.fetching.conftest import Fetch
 from tests.service.fetching.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
 

@@ -8,7 +8,7 @@ import pytest
 
 from service.fetching.known import forget_removed
 from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
-from service.storage import BlobStore
+from service.storage.blobs import BlobStore
 from tests.service.fetching.conftest import Fetch
 from tests.service.fetching.web import CONTENT, Handler, Names, Web
 
