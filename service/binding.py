@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from ipaddress import ip_address
 
-from service.jobs.database import open_database
+from service.database.engine import open_database
 from service.keys import KeyStore
 from service.settings import Settings
 

@@ -9,10 +9,10 @@ from typing import Any
 from sqlalchemy import ColumnElement, Row, and_, delete, insert, or_, select, update
 
 from service.formats import FORMATS, UnknownFormatError, sniff
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.job import CloudInput
 from service.jobs.listing import Place
-from service.jobs.tables import clouds
+from service.database.tables import clouds
 from service.problems import InvalidRequestError, UnknownCloudError
 from service.storage.blobs import Blob, BlobStore
 

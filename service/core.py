@@ -8,7 +8,7 @@ from service.clouds import CloudStore
 from service.gate import Gate
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore

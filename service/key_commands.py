@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from service.jobs.database import open_database
+from service.database.engine import open_database
 from service.keys import ApiKey, KeyStore, Limits
 from service.settings import Settings
 

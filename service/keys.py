@@ -17,8 +17,8 @@ from typing import Any
 
 from sqlalchemy import Row, insert, select, update
 
-from service.jobs.database import Database
-from service.jobs.tables import api_keys
+from service.database.engine import Database
+from service.database.tables import api_keys
 
 DEFAULT_TENANT = "default"
 """Whose everything is that is sent without a key."""

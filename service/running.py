@@ -11,7 +11,7 @@ from service.clouds import CloudStore
 from service.core import Service
 from service.gate import Gate
 from service.jobs.changes import Changes
-from service.jobs.database import open_database
+from service.database.engine import open_database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.job import Retention
 from service.jobs.queue import Queue

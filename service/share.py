@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from service.gate import Caller
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.retention import stored_bytes
 from service.problems import QuotaExceededError
 

@@ -13,8 +13,8 @@ from uuid import uuid4
 
 from sqlalchemy import delete, insert, select, update
 
-from service.jobs.database import Database
-from service.jobs.tables import uploads
+from service.database.engine import Database
+from service.database.tables import uploads
 from service.problems import UnknownUploadError, UploadConflictError
 
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import httpx
 
-from service.jobs.database import open_database
+from service.database.engine import open_database
 from service.keys import KeyStore, Limits
 from service.settings import Settings
 from tests.server import CALL_S, Server

@@ -8,10 +8,10 @@ from typing import Any
 
 from sqlalchemy import Row, and_, select, update
 
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.job import ENDED, DeliveryStatus
 from service.jobs.rows import plan_delivery
-from service.jobs.tables import deliveries, jobs
+from service.database.tables import deliveries, jobs
 
 SENDING_S = 60.0
 """A try that has not ended within this time is made again: who made it was killed."""

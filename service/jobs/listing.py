@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Select, and_, or_, select
 
-from service.jobs.tables import jobs
+from service.database.tables import jobs
 
 Place = tuple[float, str]
 """created_at and id of a job: where a page ends."""

@@ -19,9 +19,9 @@ from sqlalchemy import (
     update,
 )
 
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.job import ENDED
-from service.jobs.tables import clouds, jobs, uploads
+from service.database.tables import clouds, jobs, uploads
 
 _INPUTS = (jobs.c.source, jobs.c.target)
 

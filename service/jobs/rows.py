@@ -22,7 +22,7 @@ from sqlalchemy import (
 )
 
 from service.jobs.job import CloudInput, JobRow
-from service.jobs.tables import deliveries, events, jobs
+from service.database.tables import deliveries, events, jobs
 from service.shown import shown
 
 

@@ -9,12 +9,12 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, update
 from sqlalchemy.sql.dml import ReturningUpdate
 
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.intake import Idempotency, accept
 from service.jobs.job import ENDED, JobEvent, JobRow, Outcome, Retention
 from service.jobs.listing import Filter, Place, newest_first
 from service.jobs.rows import count_jobs, find_job, job_of, record_change, record_end
-from service.jobs.tables import events, jobs
+from service.database.tables import events, jobs
 from service.problems import DeadlineError, WorkerLostError, error_problem
 
 MAX_LOST_ATTEMPTS = 3

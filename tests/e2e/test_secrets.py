@@ -12,7 +12,7 @@ import httpx
 import pytest
 from sqlalchemy import text
 
-from service.jobs.database import open_database
+from service.database.engine import open_database
 from service.settings import Settings
 from tests.e2e.receiver import Receiver, receiving
 from tests.e2e.scans import arms, as_npy

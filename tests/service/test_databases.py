@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from service.clouds import CloudStore
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs, stored_bytes
 from service.keys import KeyStore, Limits, parted

@@ -8,7 +8,7 @@ import pytest
 
 from service.binding import OpenToStrangersError, check_binding, is_loopback
 from service.gate import LOCAL, Caller, Gate
-from service.jobs.database import Database, open_database
+from service.database.engine import Database, open_database
 from service.keys import KeyStore, Limits, parted
 from service.problems import RateLimitedError, UnauthorizedError
 from service.rate_limit import RateLimit

@@ -24,11 +24,11 @@ from sqlalchemy import (
     text,
 )
 
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.job import Retention
-from service.jobs.schema import STEPS, migrate
+from service.database.migrate import STEPS, migrate
 from service.jobs.store import JobStore
-from service.jobs.tables import metadata
+from service.database.tables import metadata
 
 NEXT = """
 from alembic import op

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from service.jobs import deliveries
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.intake import Idempotency
 from service.storage.scratch import discard_scratch, scratch_of

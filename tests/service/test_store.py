@@ -11,13 +11,13 @@ from uuid import uuid4
 import pytest
 from sqlalchemy import update
 
-from service.jobs.database import Database
+from service.database.engine import Database
 from service.jobs.intake import Idempotency
 from service.jobs.job import CloudInput, JobRow, Outcome, Retention
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs
 from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore
-from service.jobs.tables import jobs
+from service.database.tables import jobs
 from service.problems import IdempotencyMismatchError, QueueFullError
 
 CLOUD = CloudInput(sha256="ab", size=1)

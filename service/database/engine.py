@@ -16,7 +16,7 @@ from typing import Any
 from sqlalchemy import Connection, Engine, create_engine, event, func, make_url, select, text
 from sqlalchemy.exc import DataError, OperationalError, TimeoutError
 
-from service.jobs.schema import migrate
+from service.database.migrate import migrate
 from service.problems import InvalidRequestError, NotReadyError
 from service.settings import Settings
 
