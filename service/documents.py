@@ -8,7 +8,7 @@ from service.clouds import StoredCloud
 from service.jobs.job import CloudInput, JobRow
 from service.jobs.listing import Place
 from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
-from service.shown import shown
+from service.outbound.redact import shown
 from service.storage.blobs import BlobStore
 
 CURSOR = r"^[0-9]{1,12}\.[0-9]{9}_[A-Za-z0-9._-]{1,64}$"

@@ -14,7 +14,7 @@ from service.body import Fields, read_multipart, read_text
 from service.clouds import recognised
 from service.core import Service
 from service.errors import invalid_request
-from service.fetching import FetchRules, check_callback, check_source
+from service.outbound import FetchRules, check_callback, check_source
 from service.jobs.job import CloudInput
 from service.jobs.work import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError

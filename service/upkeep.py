@@ -7,7 +7,7 @@ import threading
 import time
 
 from service.core import Service
-from service.fetching import forget_removed
+from service.outbound import forget_removed
 from service.storage.decoded_cache import PreparedClouds
 from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
 from service.storage.scratch import discard_scratch

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
-from service.fetching import KnownFiles, fetch
+from service.outbound import KnownFiles, fetch
 from service.jobs.job import CloudInput
 from service.jobs.task import FetchTask
 from service.problems import AddressRefusedError, FetchError

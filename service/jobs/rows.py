@@ -23,7 +23,7 @@ from sqlalchemy import (
 
 from service.jobs.job import CloudInput, JobRow
 from service.database.tables import deliveries, events, jobs
-from service.shown import shown
+from service.outbound.redact import shown
 
 
 def job_of(row: Row[Any]) -> JobRow:

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from service.fetching import FetchRules
+from service.outbound import FetchRules
 from service.jobs.confinement import Limits
 from service.jobs.job import CloudInput
 

@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from service.documents import summary
-from service.fetching import Door, Stopwatch, TimeBounds, callback_rules, parse_url
+from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
 from service.jobs.deliveries import Delivery, DeliveryStore
 from service.jobs.job import JobRow
 from service.jobs.store import JobStore

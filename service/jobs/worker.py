@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from service.fetching import FetchRules
+from service.outbound import FetchRules
 from service.jobs.changes import Announce
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 import trustme
 
-from service.fetching import FetchRules, check_source
+from service.outbound import FetchRules, check_source
 from service.problems import AddressRefusedError
 from service.settings import Settings
 from tests.e2e.scans_online import post, scans_online

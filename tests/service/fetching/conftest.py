@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from service.fetching.door import Door
-from service.fetching.download import Download
-from service.fetching.known import KnownFiles
-from service.fetching.rules import Rules
-from service.fetching.stopwatch import TimeBounds
-from service.fetching.urls import parse_url
+from service.outbound.client import Door
+from service.outbound.download import Download
+from service.outbound.http_cache import KnownFiles
+from service.outbound.url_policy import Rules
+from service.outbound.deadline import TimeBounds
+from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
 from tests.service.fetching.web import OPEN, Names, Web, serving
 

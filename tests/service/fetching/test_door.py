@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from service.fetching.rules import Rules
+from service.outbound.url_policy import Rules
 from service.problems import (
     FetchError,
     FetchNameError,

@@ -6,7 +6,7 @@ import hashlib
 
 import pytest
 
-from service.fetching.known import forget_removed
+from service.outbound.http_cache import forget_removed
 from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.storage.blobs import BlobStore
 from tests.service.fetching.conftest import Fetch

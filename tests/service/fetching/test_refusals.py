@@ -6,9 +6,9 @@ from ipaddress import ip_network
 
 import pytest
 
-from service.fetching.addresses import METADATA
-from service.fetching.rules import Rules, check_url
-from service.fetching.urls import parse_url
+from service.outbound.ip_policy import METADATA
+from service.outbound.url_policy import Rules, check_url
+from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
 from tests.service.fetching.conftest import Fetch
 from tests.service.fetching.web import OPEN, Names, Web, serving

@@ -13,7 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_network
 from typing import Any
 
-from service.fetching.rules import Rules
+from service.outbound.url_policy import Rules
 
 LOOPBACK = (ip_network("127.0.0.0/8"), ip_network("::1/128"))
 OPEN = Rules(networks=LOOPBACK)

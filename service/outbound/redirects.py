@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from urllib.parse import urljoin
 
-from service.fetching.door import Answer, Door
-from service.fetching.stopwatch import Stopwatch
-from service.fetching.urls import Url, parse_url
+from service.outbound.client import Answer, Door
+from service.outbound.deadline import Stopwatch
+from service.outbound.urls import Url, parse_url
 from service.problems import AddressRefusedError, FetchError
 
 MAX_REDIRECTS = 5

@@ -11,10 +11,10 @@ from importlib.metadata import version
 
 import httpcore
 
-from service.fetching.dialing import CheckedBackend, Resolver, system_resolver
-from service.fetching.rules import Rules, check_url
-from service.fetching.stopwatch import Stopwatch
-from service.fetching.urls import Url
+from service.outbound.transport import CheckedBackend, Resolver, system_resolver
+from service.outbound.url_policy import Rules, check_url
+from service.outbound.deadline import Stopwatch
+from service.outbound.urls import Url
 from service.problems import (
     FetchCutError,
     FetchError,

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from service.fetching.validators import Validators
+from service.outbound.validators import Validators
 from service.storage.blobs import Blob, BlobStore
 
 

@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from service.fetching.door import Answer, Door
-from service.fetching.known import Known, KnownFiles
-from service.fetching.redirects import follow
-from service.fetching.stopwatch import Stopwatch, TimeBounds
-from service.fetching.urls import Url
-from service.fetching.validators import Validators
+from service.outbound.client import Answer, Door
+from service.outbound.http_cache import Known, KnownFiles
+from service.outbound.redirects import follow
+from service.outbound.deadline import Stopwatch, TimeBounds
+from service.outbound.urls import Url
+from service.outbound.validators import Validators
 from service.problems import (
     FetchCutError,
     FetchError,

@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
-from service.fetching.rules import Rules
-from service.fetching.urls import Url, parse_url
+from service.outbound.url_policy import Rules
+from service.outbound.urls import Url, parse_url
 from service.problems import AddressRefusedError, FetchError
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from ipaddress import ip_address
 
-from service.fetching.addresses import Network, may_be_dialled
-from service.fetching.urls import Url
+from service.outbound.ip_policy import Network, may_be_dialled
+from service.outbound.urls import Url
 from service.problems import AddressRefusedError
 
 ORDINARY_PORTS = (80, 443)

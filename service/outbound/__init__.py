@@ -1,16 +1,16 @@
 """The one door through which the service calls what its callers name: clouds and callbacks."""
 
-from service.fetching.door import Door
-from service.fetching.known import KnownFiles, forget_removed
-from service.fetching.source import (
+from service.outbound.client import Door
+from service.outbound.http_cache import KnownFiles, forget_removed
+from service.outbound.fetch import (
     FetchRules,
     callback_rules,
     check_callback,
     check_source,
     fetch,
 )
-from service.fetching.stopwatch import Stopwatch, TimeBounds
-from service.fetching.urls import parse_url
+from service.outbound.deadline import Stopwatch, TimeBounds
+from service.outbound.urls import parse_url
 
 __all__ = [
     "Door",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from service.fetching.door import Door
-from service.fetching.download import Download
-from service.fetching.known import KnownFiles
-from service.fetching.rules import Rules, check_url
-from service.fetching.s3 import S3Rules, check_s3, signed, web_rules
-from service.fetching.stopwatch import TimeBounds
-from service.fetching.urls import parse_url
+from service.outbound.client import Door
+from service.outbound.download import Download
+from service.outbound.http_cache import KnownFiles
+from service.outbound.url_policy import Rules, check_url
+from service.outbound.s3 import S3Rules, check_s3, signed, web_rules
+from service.outbound.deadline import TimeBounds
+from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
 from service.settings import Settings
 from service.storage.blobs import Blob, BlobStore
