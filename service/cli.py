@@ -21,7 +21,7 @@ from service.formats import (
     write_cloud,
 )
 from service.key_arguments import add_keys
-from service.moved import moved
+from service.clouds.transform import moved
 from service.problems import NotReadyError
 from service.schemas import Reading
 from service.settings import Settings

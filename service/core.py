@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from service.clouds import CloudStore
+from service.clouds.store import CloudStore
 from service.gate import Gate
 from service.idempotency import KeysInFlight
 from service.jobs.changes import Changes
@@ -17,7 +17,7 @@ from service.settings import Settings
 from service.share import Shares
 from service.storage.blobs import BlobStore
 from service.telemetry import Telemetry
-from service.uploads import UploadStore
+from service.clouds.uploads import UploadStore
 
 
 @dataclass(frozen=True, slots=True)

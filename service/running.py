@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from service.clouds import CloudStore
+from service.clouds.store import CloudStore
 from service.core import Service
 from service.gate import Gate
 from service.jobs.changes import Changes
@@ -25,7 +25,7 @@ from service.storage.blobs import BlobStore
 from service.telemetry import Telemetry
 from service.tracing import Tracing
 from service.upkeep import Upkeep
-from service.uploads import UploadStore
+from service.clouds.uploads import UploadStore
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from service.body import Fields, read_multipart, read_text
-from service.clouds import recognised
+from service.clouds.store import recognised
 from service.core import Service
 from service.errors import invalid_request
 from service.outbound import FetchRules, check_callback, check_source
@@ -126,7 +126,7 @@ def _from_json(body: bytes, service: Service, tenant: str) -> Submission:
 
 def _referred(reference: CloudReference, service: Service, tenant: str) -> CloudInput:
     if reference.cloud is not None:
-        return service.clouds.use(tenant, reference.cloud)
+        return service.clouds.store.use(tenant, reference.cloud)
     assert reference.url is not None  # noqa: S101
     check_source(reference.url, FetchRules.of(service.settings))
     return CloudInput(url=reference.url)

@@ -41,7 +41,7 @@ class Upkeep:
             service.changes.announce(job_id)
         discard_scratch(service.settings.data_dir, service.store.running)
         drop_expired(database)
-        service.uploads.drop_expired()
+        service.clouds.uploads.drop_expired()
         removed = service.blobs.collect(
             lambda: needed_blobs(database),
             now=time.time(),

@@ -14,7 +14,7 @@ import numpy as np
 from service.formats import read_points, write_cloud
 from service.jobs.confinement import Limits, confine
 from service.jobs.seal import seal_off_network
-from service.moved import merged, moved
+from service.clouds.transform import merged, moved
 from service.problems import JobTimeoutError, ServiceError
 
 
