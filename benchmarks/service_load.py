@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from mpe_core import RegistrationOptions
 from service.formats import read_points
-from service.jobs.job import CloudInput, JobRow
+from service.jobs.model import CloudInput, JobRow
 from service.keys import DEFAULT_TENANT
 from service.metrics import Metrics
 from service.running import running_service

@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
 from service.gate import Caller
-from service.jobs.intake import check_room, check_share
+from service.jobs.accept import check_room, check_share
 from service.problems import NotReadyError, OverloadedError
 
 RETRY_AFTER_S = 30

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from service.clouds.store import CloudStore
 from service.gate import Gate
-from service.idempotency import KeysInFlight
-from service.jobs.changes import Changes
+from service.jobs.idempotency import KeysInFlight
+from service.jobs.notifier import Changes
 from service.database.engine import Database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.queue import Queue

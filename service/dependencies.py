@@ -14,7 +14,7 @@ from service.admission import room_for_body
 from service.body import read_file
 from service.core import Service
 from service.gate import Caller
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 from service.origin import check_origin
 from service.problems import UnknownRegistrationError
 from service.schemas import FormatName

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 from service.clouds.store import StoredCloud
-from service.jobs.job import CloudInput, JobRow
+from service.jobs.model import CloudInput, JobRow
 from service.jobs.listing import Place
 from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
 from service.outbound.redact import shown

@@ -10,7 +10,7 @@ from prometheus_client import CollectorRegistry, Counter, Histogram, generate_la
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 from service.jobs.store import JobStore
 
 STATUSES = ("queued", "running", "succeeded", "failed", "cancelled")

@@ -10,10 +10,10 @@ from pathlib import Path
 from service.clouds.store import CloudStore
 from service.core import Service
 from service.gate import Gate
-from service.jobs.changes import Changes
+from service.jobs.notifier import Changes
 from service.database.engine import open_database
 from service.jobs.deliveries import DeliveryStore
-from service.jobs.job import Retention
+from service.jobs.model import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.jobs.webhooks import Webhooks

@@ -15,8 +15,8 @@ from service.clouds.store import recognised
 from service.core import Service
 from service.errors import invalid_request
 from service.outbound import FetchRules, check_callback, check_source
-from service.jobs.job import CloudInput
-from service.jobs.work import fingerprint
+from service.jobs.model import CloudInput
+from service.jobs.fingerprint import fingerprint
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
 from service.storage.blobs import Blob

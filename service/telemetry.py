@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 from service.metrics import Metrics
 from service.tracing import Tracing
 

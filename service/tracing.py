@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 
 if TYPE_CHECKING:
     from opentelemetry.sdk.trace import TracerProvider

@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Row, and_, delete, insert, or_, select, up
 
 from service.formats import FORMATS, UnknownFormatError, sniff
 from service.database.engine import Database
-from service.jobs.job import CloudInput
+from service.jobs.model import CloudInput
 from service.jobs.listing import Place
 from service.database.tables import clouds
 from service.problems import InvalidRequestError, UnknownCloudError

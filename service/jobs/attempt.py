@@ -27,7 +27,7 @@ from service.jobs.confinement import (
     name_process,
 )
 from service.jobs.fetch import fetched
-from service.jobs.job import CloudInput, Outcome
+from service.jobs.model import CloudInput, Outcome
 from service.storage.decoded_cache import PreparedClouds
 from service.jobs.seal import seal_off_network
 from service.jobs.task import FetchTask, Task

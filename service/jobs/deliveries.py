@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import Row, and_, select, update
 
 from service.database.engine import Database
-from service.jobs.job import ENDED, DeliveryStatus
+from service.jobs.model import ENDED, DeliveryStatus
 from service.jobs.rows import plan_delivery
 from service.database.tables import deliveries, jobs
 

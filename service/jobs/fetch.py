@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from service.outbound import KnownFiles, fetch
-from service.jobs.job import CloudInput
+from service.jobs.model import CloudInput
 from service.jobs.task import FetchTask
 from service.problems import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore

@@ -8,9 +8,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from service.jobs.changes import Announce
+from service.jobs.notifier import Announce
 from service.jobs.child import Child, prepare_forkserver
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 from service.storage.scratch import discard_scratch
 from service.jobs.store import JobStore
 from service.jobs.worker import LEASE_S, Worker

@@ -20,7 +20,7 @@ from sqlalchemy import (
 )
 
 from service.database.engine import Database
-from service.jobs.job import ENDED
+from service.jobs.model import ENDED
 from service.database.tables import clouds, jobs, uploads
 
 _INPUTS = (jobs.c.source, jobs.c.target)

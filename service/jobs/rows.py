@@ -21,7 +21,7 @@ from sqlalchemy import (
     update,
 )
 
-from service.jobs.job import CloudInput, JobRow
+from service.jobs.model import CloudInput, JobRow
 from service.database.tables import deliveries, events, jobs
 from service.outbound.redact import shown
 

@@ -10,8 +10,8 @@ from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, up
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from service.database.engine import Database
-from service.jobs.intake import Idempotency, accept
-from service.jobs.job import ENDED, JobEvent, JobRow, Outcome, Retention
+from service.jobs.accept import Idempotency, accept
+from service.jobs.model import ENDED, JobEvent, JobRow, Outcome, Retention
 from service.jobs.listing import Filter, Place, newest_first
 from service.jobs.rows import count_jobs, find_job, job_of, record_change, record_end
 from service.database.tables import events, jobs

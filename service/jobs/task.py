@@ -9,7 +9,7 @@ from typing import Any
 
 from service.outbound import FetchRules
 from service.jobs.confinement import Limits
-from service.jobs.job import CloudInput
+from service.jobs.model import CloudInput
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from typing import Any
 from service.documents import summary
 from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
 from service.jobs.deliveries import Delivery, DeliveryStore
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 from service.jobs.store import JobStore
 from service.problems import ServiceError
 from service.settings import Settings

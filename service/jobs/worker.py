@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from service.outbound import FetchRules
-from service.jobs.changes import Announce
+from service.jobs.notifier import Announce
 from service.jobs.child import Child, ChildLostError
 from service.jobs.confinement import Limits
 from service.jobs.fetch import is_needed
-from service.jobs.job import CloudInput, JobRow, Outcome, is_terminal
+from service.jobs.model import CloudInput, JobRow, Outcome, is_terminal
 from service.storage.scratch import scratch_of
 from service.jobs.standby import Standby
 from service.jobs.store import JobStore
 from service.jobs.task import FetchTask, Task
-from service.jobs.work import work_key
+from service.jobs.fingerprint import work_key
 from service.problems import (
     DeadlineError,
     JobTimeoutError,

@@ -24,10 +24,10 @@ from service.dependencies import (
 )
 from service.documents import CURSOR, decode_cursor, document, encode_cursor, summary
 from service.errors import ProblemResponse
-from service.jobs.intake import Idempotency
-from service.jobs.job import JobRow, JobStatus, is_terminal
+from service.jobs.accept import Idempotency
+from service.jobs.model import JobRow, JobStatus, is_terminal
 from service.jobs.listing import Filter
-from service.jobs.work import work_key
+from service.jobs.fingerprint import work_key
 from service.schemas import Job, JobPage, RegistrationRequest
 from service.submission import Submission
 from service.waiting import settled

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from service.jobs.job import DeliveryStatus, JobStatus
+from service.jobs.model import DeliveryStatus, JobStatus
 from service.schemas.document import Document, Problem
 from service.schemas.result import Result
 

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from service.jobs.job import JobRow
+from service.jobs.model import JobRow
 
 
 def scratch_of(data_dir: Path, job: JobRow) -> Path:

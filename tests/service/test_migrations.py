@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 
 from service.database.engine import Database
-from service.jobs.job import Retention
+from service.jobs.model import Retention
 from service.database.migrate import STEPS, migrate
 from service.jobs.store import JobStore
 from service.database.tables import metadata

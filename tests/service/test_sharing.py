@@ -12,7 +12,7 @@ import pytest
 from service.jobs import deliveries
 from service.database.engine import Database
 from service.jobs.deliveries import DeliveryStore
-from service.jobs.intake import Idempotency
+from service.jobs.accept import Idempotency
 from service.storage.scratch import discard_scratch, scratch_of
 from service.jobs.store import JobStore
 from service.problems import QueueFullError

@@ -12,8 +12,8 @@ import pytest
 from sqlalchemy import update
 
 from service.database.engine import Database
-from service.jobs.intake import Idempotency
-from service.jobs.job import CloudInput, JobRow, Outcome, Retention
+from service.jobs.accept import Idempotency
+from service.jobs.model import CloudInput, JobRow, Outcome, Retention
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs
 from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore

@@ -14,8 +14,8 @@ import pytest
 from mpe_core import RegistrationOptions
 from service import waiting
 from service.core import Service
-from service.jobs.changes import Changes
-from service.jobs.job import CloudInput, JobRow
+from service.jobs.notifier import Changes
+from service.jobs.model import CloudInput, JobRow
 from service.keys import DEFAULT_TENANT
 from service.metrics import Metrics
 from service.running import running_service

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 
 from sqlalchemy import Connection, and_, insert, select
 
-from service.jobs.job import JobRow, Retention
+from service.jobs.model import JobRow, Retention
 from service.jobs.rows import count_jobs, find_job, record_change, record_end
 from service.database.tables import idempotency_keys, jobs
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
