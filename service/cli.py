@@ -104,7 +104,7 @@ def _read(role: str, given: argparse.Namespace) -> DecodedCloud:
 
 
 def _document(found: Registration) -> str:
-    from service.result import result_document
+    from service.schemas.serialize_result import result_document
 
     return result_document(found).decode()
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from service.formats import FORMATS
-from service.options import Options
+from service.schemas.options import Options
 from service.schemas import Result
 from service.settings import Settings
 

@@ -33,7 +33,7 @@ from service.jobs.seal import seal_off_network
 from service.jobs.task import FetchTask, Task
 from service.logs import job_id
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
-from service.result import inlier_array, result_document
+from service.schemas.serialize_result import inlier_array, result_document
 from service.storage.blobs import Blob, BlobStore
 
 Report = Callable[[str, float], None]

@@ -12,7 +12,7 @@ import threading
 import time
 from typing import Any
 
-from service.documents import summary
+from service.schemas.serialize_job import summary
 from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
 from service.jobs.deliveries import Delivery, DeliveryStore
 from service.jobs.model import JobRow

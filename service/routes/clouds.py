@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.clouds.store import StoredCloud
 from service.dependencies import CurrentCaller, CurrentService, DeclaredFormat, RawBody
-from service.documents import CURSOR, decode_cursor, encode_cursor
+from service.schemas.serialize_job import CURSOR, decode_cursor, encode_cursor
 from service.schemas import Cloud, CloudPage
 
 router = APIRouter(prefix="/v1/clouds", tags=["clouds"])

@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.dependencies import CurrentService, KnownJob
 from service.jobs.model import JobEvent, is_terminal
-from service.options import EXACT
+from service.schemas.options import EXACT
 from service.schemas import Event
 from service.waiting import look_every_s
 

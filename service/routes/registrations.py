@@ -22,7 +22,7 @@ from service.dependencies import (
     PreferredWait,
     known,
 )
-from service.documents import CURSOR, decode_cursor, document, encode_cursor, summary
+from service.schemas.serialize_job import CURSOR, decode_cursor, document, encode_cursor, summary
 from service.errors import ProblemResponse
 from service.jobs.accept import Idempotency
 from service.jobs.model import JobRow, JobStatus, is_terminal

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.schemas.document import (
+from service.schemas.base import (
     Document,
     Problem,
 )
@@ -35,7 +35,7 @@ from service.schemas.result import (
     Result,
     Rotation,
 )
-from service.schemas.service import (
+from service.schemas.resources import (
     Capacity,
     Cloud,
     CloudPage,

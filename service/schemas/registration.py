@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from service.jobs.model import DeliveryStatus, JobStatus
-from service.schemas.document import Document, Problem
+from service.schemas.base import Document, Problem
 from service.schemas.result import Result
 
 Stage = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, ConfigDict, Field, StringConstraints, model_validator
 
 from service.formats import FORMATS
-from service.options import Options, StrictModel
+from service.schemas.options import Options, StrictModel
 
 Address = Field(max_length=8192, json_schema_extra={"format": "uri"})
 FORMAT_NAMES = tuple(item.name for item in FORMATS)

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
 from mpe_core.options import Matrix, RegistrationOptions, Vector
-from service.shapes import GivenMatrix, GivenVector
+from service.schemas.arrays import GivenMatrix, GivenVector
 
 EXACT = 2**53
 """Below it, a float that is whole is exactly that whole number."""

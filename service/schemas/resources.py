@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.document import Document
+from service.schemas.base import Document
 
 
 class Cloud(Document):
