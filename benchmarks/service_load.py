@@ -27,7 +27,7 @@ from benchmarks.experiment import DATA, Experiment, Result, markdown
 from mpe_core import RegistrationOptions
 from service.formats import read_points
 from service.jobs.model import CloudInput, JobRow
-from service.keys import DEFAULT_TENANT
+from service.auth.keys import DEFAULT_TENANT
 from service.metrics import Metrics
 from service.running import running_service
 from service.settings import Settings

@@ -10,7 +10,7 @@ from uuid import uuid4
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.gate import Caller
+from service.auth.authenticator import Caller
 from service.logs import request_id
 from service.metrics import Metrics
 

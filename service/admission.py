@@ -11,7 +11,7 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
-from service.gate import Caller
+from service.auth.authenticator import Caller
 from service.jobs.accept import check_room, check_share
 from service.problems import NotReadyError, OverloadedError
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from service.clouds.store import CloudStore
-from service.gate import Gate
+from service.auth.authenticator import Gate
 from service.jobs.idempotency import KeysInFlight
 from service.jobs.notifier import Changes
 from service.database.engine import Database
 from service.jobs.deliveries import DeliveryStore
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
-from service.rate_limit import RateLimit
+from service.auth.rate_limit import RateLimit
 from service.settings import Settings
-from service.share import Shares
+from service.auth.quotas import Shares
 from service.storage.blobs import BlobStore
 from service.telemetry import Telemetry
 from service.clouds.uploads import UploadStore

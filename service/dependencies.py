@@ -13,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 from service.admission import room_for_body
 from service.body import read_file
 from service.core import Service
-from service.gate import Caller
+from service.auth.authenticator import Caller
 from service.jobs.model import JobRow
 from service.origin import check_origin
 from service.problems import UnknownRegistrationError
@@ -46,13 +46,13 @@ async def identify(
     Without a key: whoever is not a page of another site.
     """
     given = request.headers.getlist("authorization")
-    caller = service.gate.remembered(given)
+    caller = service.auth.authenticator.remembered(given)
     if caller is None:
-        caller = await run_in_threadpool(service.gate.identified, given)
+        caller = await run_in_threadpool(service.auth.authenticator.identified, given)
     if caller.key_id is None:
         check_origin(request, service.settings)
     request.scope["caller"] = caller
-    service.rate_limit.count(caller)
+    service.auth.rate_limit.count(caller)
     return caller
 
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 
 from service.database.engine import open_database
-from service.keys import ApiKey, KeyStore, Limits
+from service.auth.keys import ApiKey, KeyStore, Limits
 from service.settings import Settings
 
 COLUMNS = "{:<18}{:<20}{:<20}{:<22}{:<10}{}"

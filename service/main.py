@@ -11,7 +11,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from service.app import create_app
-from service.binding import check_binding
+from service.auth.bind_check import check_binding
 from service.core import Service
 from service.logs import configure_logs
 from service.settings import Settings

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from service.clouds.store import CloudStore
 from service.core import Service
-from service.gate import Gate
+from service.auth.authenticator import Gate
 from service.jobs.notifier import Changes
 from service.database.engine import open_database
 from service.jobs.deliveries import DeliveryStore
@@ -17,10 +17,10 @@ from service.jobs.model import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.jobs.webhooks import Webhooks
-from service.keys import KeyStore
+from service.auth.keys import KeyStore
 from service.metrics import Metrics
 from service.settings import Settings
-from service.share import Shares
+from service.auth.quotas import Shares
 from service.storage.blobs import BlobStore
 from service.telemetry import Telemetry
 from service.tracing import Tracing

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import httpx
 
 from service.database.engine import open_database
-from service.keys import KeyStore, Limits
+from service.auth.keys import KeyStore, Limits
 from service.settings import Settings
 from tests.server import CALL_S, Server
 

@@ -11,7 +11,7 @@ from service.clouds.store import CloudStore
 from service.database.engine import Database
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs, stored_bytes
-from service.keys import KeyStore, Limits, parted
+from service.auth.keys import KeyStore, Limits, parted
 from service.problems import InvalidRequestError, UnknownCloudError, UnknownUploadError
 from service.storage.blobs import BlobStore
 from service.clouds.uploads import UploadStore

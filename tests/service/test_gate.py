@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from service.binding import OpenToStrangersError, check_binding, is_loopback
-from service.gate import LOCAL, Caller, Gate
+from service.auth.bind_check import OpenToStrangersError, check_binding, is_loopback
+from service.auth.authenticator import LOCAL, Caller, Gate
 from service.database.engine import Database, open_database
-from service.keys import KeyStore, Limits, parted
+from service.auth.keys import KeyStore, Limits, parted
 from service.problems import RateLimitedError, UnauthorizedError
-from service.rate_limit import RateLimit
+from service.auth.rate_limit import RateLimit
 from service.settings import Settings
 
 
@@ -82,7 +82,7 @@ def test_open_until_the_first_key_and_never_again(keys: KeyStore, settings: Sett
 @pytest.mark.parametrize("rate", [0.5, 1, 7, 100])
 def test_as_many_at_once_as_in_a_second(rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 1000.0
-    monkeypatch.setattr("service.rate_limit.time.monotonic", lambda: now)
+    monkeypatch.setattr("service.auth.rate_limit.time.monotonic", lambda: now)
     limit, caller = RateLimit(), Caller("lab", Limits(rate), "key")
 
     def passed(tries: int) -> int:

@@ -16,7 +16,7 @@ from service import waiting
 from service.core import Service
 from service.jobs.notifier import Changes
 from service.jobs.model import CloudInput, JobRow
-from service.keys import DEFAULT_TENANT
+from service.auth.keys import DEFAULT_TENANT
 from service.metrics import Metrics
 from service.running import running_service
 from service.settings import Settings

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass
 
-from service.gate import Caller
+from service.auth.authenticator import Caller
 from service.database.engine import Database
 from service.jobs.retention import stored_bytes
 from service.problems import QuotaExceededError

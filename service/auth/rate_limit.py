@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 
-from service.gate import Caller
+from service.auth.authenticator import Caller
 from service.problems import RateLimitedError
 
 

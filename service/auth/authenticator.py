@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from service.keys import DEFAULT_TENANT, ApiKey, KeyStore, Limits, parted
+from service.auth.keys import DEFAULT_TENANT, ApiKey, KeyStore, Limits, parted
 from service.problems import UnauthorizedError
 from service.settings import Settings
 

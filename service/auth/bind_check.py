@@ -6,7 +6,7 @@ import socket
 from ipaddress import ip_address
 
 from service.database.engine import open_database
-from service.keys import KeyStore
+from service.auth.keys import KeyStore
 from service.settings import Settings
 
 
