@@ -28,7 +28,7 @@ from mpe_core import RegistrationOptions
 from service.formats import read_points
 from service.jobs.model import CloudInput, JobRow
 from service.auth.keys import DEFAULT_TENANT
-from service.metrics import Metrics
+from service.telemetry.metrics import Metrics
 from service.running import running_service
 from service.settings import Settings
 from tests.e2e.processes import workers

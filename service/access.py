@@ -11,8 +11,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.auth.authenticator import Caller
-from service.logs import request_id
-from service.metrics import Metrics
+from service.telemetry.json_logs import request_id
+from service.telemetry.metrics import Metrics
 
 _IDENTITY = re.compile(r"[A-Za-z0-9._-]{1,64}")
 

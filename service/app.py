@@ -12,7 +12,7 @@ from service.access import Access
 from service.errors import register_error_handlers
 from service.headers import CORS, SecurityHeaders
 from service.lingering import LingeringClose
-from service.metrics import Metrics
+from service.telemetry.metrics import Metrics
 from service.openapi import describe
 from service.routes import (
     aligned,

@@ -16,7 +16,7 @@ from service.auth.rate_limit import RateLimit
 from service.settings import Settings
 from service.auth.quotas import Shares
 from service.storage.blobs import BlobStore
-from service.telemetry import Telemetry
+from service.telemetry.recorder import Telemetry
 from service.clouds.uploads import UploadStore
 
 

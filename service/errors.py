@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
 from service.headers import protect
-from service.metrics import Metrics
+from service.telemetry.metrics import Metrics
 from service.problems import (
     INTERNAL,
     PROBLEM_TYPES,

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from service.app import create_app
 from service.auth.bind_check import check_binding
 from service.core import Service
-from service.logs import configure_logs
+from service.telemetry.json_logs import configure_logs
 from service.settings import Settings
 
 CONNECTIONS_GRACE_S = 3

@@ -18,12 +18,12 @@ from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.jobs.webhooks import Webhooks
 from service.auth.keys import KeyStore
-from service.metrics import Metrics
+from service.telemetry.metrics import Metrics
 from service.settings import Settings
 from service.auth.quotas import Shares
 from service.storage.blobs import BlobStore
-from service.telemetry import Telemetry
-from service.tracing import Tracing
+from service.telemetry.recorder import Telemetry
+from service.telemetry.tracing import Tracing
 from service.upkeep import Upkeep
 from service.clouds.uploads import UploadStore
 
@@ -44,7 +44,7 @@ def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
             webhooks.stop()
             upkeep.stop()
             service.queue.stop(grace_s=0)
-            service.telemetry.close()
+            service.telemetry.recorder.close()
             service.database.close()
 
 

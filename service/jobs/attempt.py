@@ -31,7 +31,7 @@ from service.jobs.model import CloudInput, Outcome
 from service.storage.decoded_cache import PreparedClouds
 from service.jobs.seal import seal_off_network
 from service.jobs.task import FetchTask, Task
-from service.logs import job_id
+from service.telemetry.json_logs import job_id
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.schemas.serialize_result import inlier_array, result_document
 from service.storage.blobs import Blob, BlobStore

@@ -14,7 +14,7 @@ from service.jobs.model import JobRow
 from service.storage.scratch import discard_scratch
 from service.jobs.store import JobStore
 from service.jobs.worker import LEASE_S, Worker
-from service.logs import about_job
+from service.telemetry.json_logs import about_job
 from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage.blobs import BlobStore

@@ -11,7 +11,7 @@ import trimesh.sample  # noqa: F401
 
 from service.jobs import attempt  # noqa: F401
 from service.jobs.confinement import die_with_parent
-from service.logs import configure_logs
+from service.telemetry.json_logs import configure_logs
 
 FORKSERVER = os.getpid()
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from service.jobs.model import JobRow
-from service.metrics import Metrics
-from service.tracing import Tracing
+from service.telemetry.metrics import Metrics
+from service.telemetry.tracing import Tracing
 
 
 @dataclass(frozen=True, slots=True)
