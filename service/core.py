@@ -9,7 +9,7 @@ from service.auth.authenticator import Gate
 from service.jobs.idempotency import KeysInFlight
 from service.jobs.notifier import Changes
 from service.database.engine import Database
-from service.jobs.deliveries import DeliveryStore
+from service.webhooks.outbox import DeliveryStore
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.auth.rate_limit import RateLimit

@@ -12,11 +12,11 @@ from service.core import Service
 from service.auth.authenticator import Gate
 from service.jobs.notifier import Changes
 from service.database.engine import open_database
-from service.jobs.deliveries import DeliveryStore
+from service.webhooks.outbox import DeliveryStore
 from service.jobs.model import Retention
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
-from service.jobs.webhooks import Webhooks
+from service.webhooks.sender import Webhooks
 from service.auth.keys import KeyStore
 from service.telemetry.metrics import Metrics
 from service.settings import Settings

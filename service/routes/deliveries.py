@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 
 from service.dependencies import CurrentService, KnownJob
-from service.jobs import deliveries
+from service.webhooks import outbox as deliveries
 from service.problems import NoDeliveryError
 from service.schemas import Delivery, DeliveryList, Try
 

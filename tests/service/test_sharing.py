@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from service.jobs import deliveries
+from service.webhooks import outbox as deliveries
 from service.database.engine import Database
-from service.jobs.deliveries import DeliveryStore
+from service.webhooks.outbox import DeliveryStore
 from service.jobs.accept import Idempotency
 from service.storage.scratch import discard_scratch, scratch_of
 from service.jobs.store import JobStore

@@ -14,7 +14,7 @@ from typing import Any
 
 from service.schemas.serialize_job import summary
 from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
-from service.jobs.deliveries import Delivery, DeliveryStore
+from service.webhooks.outbox import Delivery, DeliveryStore
 from service.jobs.model import JobRow
 from service.jobs.store import JobStore
 from service.problems import ServiceError
