@@ -10,7 +10,7 @@ from service.jobs.idempotency import KeysInFlight
 from service.jobs.notifier import Changes
 from service.database.engine import Database
 from service.webhooks.outbox import DeliveryStore
-from service.jobs.queue import Queue
+from service.workers.pool import Queue
 from service.jobs.store import JobStore
 from service.auth.rate_limit import RateLimit
 from service.settings import Settings

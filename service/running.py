@@ -14,7 +14,7 @@ from service.jobs.notifier import Changes
 from service.database.engine import open_database
 from service.webhooks.outbox import DeliveryStore
 from service.jobs.model import Retention
-from service.jobs.queue import Queue
+from service.workers.pool import Queue
 from service.jobs.store import JobStore
 from service.webhooks.sender import Webhooks
 from service.auth.keys import KeyStore
@@ -24,7 +24,7 @@ from service.auth.quotas import Shares
 from service.storage.blobs import BlobStore
 from service.telemetry.recorder import Telemetry
 from service.telemetry.tracing import Tracing
-from service.upkeep import Upkeep
+from service.workers.maintenance import Upkeep
 from service.clouds.uploads import UploadStore
 
 

@@ -13,7 +13,7 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from service.dependencies import CurrentService, KnownJob
-from service.jobs.aligning import Alignment, write_aligned
+from service.workers.export import Alignment, write_aligned
 from service.problems import ExpiredError, ResultNotReadyError
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import psutil
 
-from service.jobs.confinement import BUSY_NAME
+from service.workers.sandbox.limits import BUSY_NAME
 from tests.server import Server
 from tests.waiting import until
 

@@ -15,7 +15,7 @@ PROJECT = Path(__file__).parent.parent.parent
 
 OUTLIVES_ITS_STARTER = """
 import threading
-from service.jobs.child import Child, prepare_forkserver
+from service.workers.child import Child, prepare_forkserver
 
 children = []
 
@@ -44,7 +44,7 @@ def test_children_outlive_the_thread_that_asked_for_them() -> None:
 GIVES_WAY = """
 import os
 from pathlib import Path
-from service.jobs.confinement import AUTOGROUP, give_way
+from service.workers.sandbox.limits import AUTOGROUP, give_way
 
 os.setsid()
 give_way(3)

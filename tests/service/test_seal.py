@@ -8,7 +8,7 @@ import sys
 SEALED = """
 import os, socket, subprocess, sys, threading
 import numpy as np
-from service.jobs.seal import seal_off_network
+from service.workers.sandbox.seccomp import seal_off_network
 
 kept = socket.socket()
 idle = threading.Event()

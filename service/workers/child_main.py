@@ -18,7 +18,7 @@ import numpy as np
 
 from mpe_core import Registration, RegistrationOptions, register
 from service.formats import CloudFileError, DecodedCloud, read_points
-from service.jobs.confinement import (
+from service.workers.sandbox.limits import (
     BUSY_NAME,
     IDLE_NAME,
     confine,
@@ -26,11 +26,11 @@ from service.jobs.confinement import (
     give_way,
     name_process,
 )
-from service.jobs.fetch import fetched
+from service.workers.fetch_inputs import fetched
 from service.jobs.model import CloudInput, Outcome
 from service.storage.decoded_cache import PreparedClouds
-from service.jobs.seal import seal_off_network
-from service.jobs.task import FetchTask, Task
+from service.workers.sandbox.seccomp import seal_off_network
+from service.workers.task import FetchTask, Task
 from service.telemetry.json_logs import job_id
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.schemas.serialize_result import inlier_array, result_document
@@ -49,7 +49,7 @@ log = logging.getLogger(__name__)
 
 def stand_by(connection: Connection) -> None:
     """Say that this process is there, wait for its one task, perform it."""
-    from service.jobs.warm import FORKSERVER
+    from service.workers.forkserver import FORKSERVER
 
     die_with_parent(FORKSERVER)
     name_process(IDLE_NAME)

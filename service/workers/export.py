@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from service.formats import read_points, write_cloud
-from service.jobs.confinement import Limits, confine
-from service.jobs.seal import seal_off_network
+from service.workers.sandbox.limits import Limits, confine
+from service.workers.sandbox.seccomp import seal_off_network
 from service.clouds.transform import merged, moved
 from service.problems import JobTimeoutError, ServiceError
 

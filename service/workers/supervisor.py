@@ -13,14 +13,14 @@ from typing import Any
 
 from service.outbound import FetchRules
 from service.jobs.notifier import Announce
-from service.jobs.child import Child, ChildLostError
-from service.jobs.confinement import Limits
-from service.jobs.fetch import is_needed
+from service.workers.child import Child, ChildLostError
+from service.workers.sandbox.limits import Limits
+from service.workers.fetch_inputs import is_needed
 from service.jobs.model import CloudInput, JobRow, Outcome, is_terminal
 from service.storage.scratch import scratch_of
-from service.jobs.standby import Standby
+from service.workers.spare import Standby
 from service.jobs.store import JobStore
-from service.jobs.task import FetchTask, Task
+from service.workers.task import FetchTask, Task
 from service.jobs.fingerprint import work_key
 from service.problems import (
     DeadlineError,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from service.outbound import FetchRules
-from service.jobs.confinement import Limits
+from service.workers.sandbox.limits import Limits
 from service.jobs.model import CloudInput
 
 
@@ -44,6 +44,6 @@ class Task:
 def stand_by(connection: Connection) -> None:
     """Entry of the child process: waits for its task, then performs it."""
     # here, not above: the service process must not load the kernels, the forkserver has them
-    from service.jobs import attempt
+    from service.workers import child_main as attempt
 
     attempt.stand_by(connection)

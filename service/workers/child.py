@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from service.jobs.task import FetchTask, Task, stand_by
+from service.workers.task import FetchTask, Task, stand_by
 
 MAX_MESSAGE_BYTES = 1 << 20
 START_TRIES = 3
@@ -45,7 +45,7 @@ def prepare_forkserver(threads: int) -> None:
     for name in BLAS_THREADS:
         os.environ.setdefault(name, str(threads))
     os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # the layer that survives a fork
-    _context.set_forkserver_preload(["service.jobs.warm"])
+    _context.set_forkserver_preload(["service.workers.forkserver"])
     sys.modules["__main__"].__spec__ = importlib.machinery.ModuleSpec("service.__main__", None)
 
 

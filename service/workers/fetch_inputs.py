@@ -8,7 +8,7 @@ from typing import Any
 
 from service.outbound import KnownFiles, fetch
 from service.jobs.model import CloudInput
-from service.jobs.task import FetchTask
+from service.workers.task import FetchTask
 from service.problems import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore
 

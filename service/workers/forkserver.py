@@ -10,7 +10,7 @@ import pye57  # noqa: F401
 import trimesh.sample  # noqa: F401
 
 from service.jobs import attempt  # noqa: F401
-from service.jobs.confinement import die_with_parent
+from service.workers.sandbox.limits import die_with_parent
 from service.telemetry.json_logs import configure_logs
 
 FORKSERVER = os.getpid()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from service.jobs.child import Child, ChildLostError
+from service.workers.child import Child, ChildLostError
 
 START_S = 120.0
 """Seconds that a child may take: before the first, the forkserver may have to compile kernels."""
