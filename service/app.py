@@ -8,13 +8,13 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
-from service.access import Access
-from service.errors import register_error_handlers
-from service.headers import CORS, SecurityHeaders
-from service.lingering import LingeringClose
+from service.api.middleware.request_log import Access
+from service.api.error_handlers import register_error_handlers
+from service.api.middleware.security_headers import CORS, SecurityHeaders
+from service.api.middleware.drain_body import LingeringClose
 from service.telemetry.metrics import Metrics
-from service.openapi import describe
-from service.routes import (
+from service.api.openapi import describe
+from service.api.routes import (
     aligned,
     clouds,
     deliveries,

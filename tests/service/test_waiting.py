@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions
-from service import waiting
+from service.api import long_poll as waiting
 from service.core import Service
 from service.jobs.notifier import Changes
 from service.jobs.model import CloudInput, JobRow

@@ -13,10 +13,10 @@ from typing import Annotated, Any, BinaryIO
 from fastapi import APIRouter, Depends, Header, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.admission import admit
-from service.body import limited
+from service.api.admission import admit
+from service.api.body import limited
 from service.core import Service
-from service.dependencies import CurrentCaller, CurrentService, DeclaredFormat, identify
+from service.api.dependencies import CurrentCaller, CurrentService, DeclaredFormat, identify
 from service.problems import (
     BodyTooLargeError,
     MalformedBodyError,

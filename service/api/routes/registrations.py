@@ -13,7 +13,7 @@ from pydantic import BeforeValidator
 from starlette.concurrency import run_in_threadpool
 
 from service.core import Service
-from service.dependencies import (
+from service.api.dependencies import (
     CurrentCaller,
     CurrentService,
     IdempotencyKey,
@@ -23,14 +23,14 @@ from service.dependencies import (
     known,
 )
 from service.schemas.serialize_job import CURSOR, decode_cursor, document, encode_cursor, summary
-from service.errors import ProblemResponse
+from service.api.error_handlers import ProblemResponse
 from service.jobs.accept import Idempotency
 from service.jobs.model import JobRow, JobStatus, is_terminal
 from service.jobs.listing import Filter
 from service.jobs.fingerprint import work_key
 from service.schemas import Job, JobPage, RegistrationRequest
-from service.submission import Submission
-from service.waiting import settled
+from service.api.submission import Submission
+from service.api.long_poll import settled
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 

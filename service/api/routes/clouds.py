@@ -10,7 +10,7 @@ from fastapi import APIRouter, Path, Query, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.clouds.store import StoredCloud
-from service.dependencies import CurrentCaller, CurrentService, DeclaredFormat, RawBody
+from service.api.dependencies import CurrentCaller, CurrentService, DeclaredFormat, RawBody
 from service.schemas.serialize_job import CURSOR, decode_cursor, encode_cursor
 from service.schemas import Cloud, CloudPage
 

@@ -14,7 +14,7 @@ from fastapi.routing import iter_route_contexts
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
-from service.headers import protect
+from service.api.middleware.security_headers import protect
 from service.telemetry.metrics import Metrics
 from service.problems import (
     INTERNAL,

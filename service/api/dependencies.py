@@ -10,16 +10,16 @@ from fastapi import Depends, Header, Path, Query, Request, Security
 from fastapi.security import HTTPBearer
 from starlette.concurrency import run_in_threadpool
 
-from service.admission import room_for_body
-from service.body import read_file
+from service.api.admission import room_for_body
+from service.api.body import read_file
 from service.core import Service
 from service.auth.authenticator import Caller
 from service.jobs.model import JobRow
-from service.origin import check_origin
+from service.api.same_origin import check_origin
 from service.problems import UnknownRegistrationError
 from service.schemas import FormatName
 from service.storage.blobs import Blob
-from service.submission import Submission, read_submission
+from service.api.submission import Submission, read_submission
 
 _WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)
 

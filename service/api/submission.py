@@ -10,10 +10,10 @@ from fastapi import Request
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from service.body import Fields, read_multipart, read_text
+from service.api.body import Fields, read_multipart, read_text
 from service.clouds.store import recognised
 from service.core import Service
-from service.errors import invalid_request
+from service.api.error_handlers import invalid_request
 from service.outbound import FetchRules, check_callback, check_source
 from service.jobs.model import CloudInput
 from service.jobs.fingerprint import fingerprint

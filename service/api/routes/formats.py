@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Depends
 
-from service.dependencies import identify
+from service.api.dependencies import identify
 from service.formats import FORMATS
 from service.schemas import FormatInfo, FormatList
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 from fastapi import APIRouter
 
-from service.dependencies import CurrentService, KnownJob
+from service.api.dependencies import CurrentService, KnownJob
 from service.webhooks import outbox as deliveries
 from service.problems import NoDeliveryError
 from service.schemas import Delivery, DeliveryList, Try

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
-from service.dependencies import CurrentService, KnownJob
+from service.api.dependencies import CurrentService, KnownJob
 from service.workers.export import Alignment, write_aligned
 from service.problems import ExpiredError, ResultNotReadyError
 

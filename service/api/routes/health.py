@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends, Response
 from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
-from service.dependencies import CurrentCaller, CurrentService, identify
+from service.api.dependencies import CurrentCaller, CurrentService, identify
 from service.problems import NotReadyError
 from service.schemas import Capacity, Health, Share
 

@@ -11,7 +11,7 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from numpy.typing import NDArray
 
-from service.dependencies import CurrentService, KnownJob
+from service.api.dependencies import CurrentService, KnownJob
 from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
 
