@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from mpe_core import Registration, RegistrationError
-from service.align_arguments import CLOUDS, add_options, add_reading, numbers_as_such, options_of
+from service.cli.align_arguments import CLOUDS, add_options, add_reading, numbers_as_such, options_of
 from service.formats import (
     WRITERS,
     CloudFileError,
@@ -20,7 +20,7 @@ from service.formats import (
     read_points,
     write_cloud,
 )
-from service.key_arguments import add_keys
+from service.cli.key_arguments import add_keys
 from service.clouds.transform import moved
 from service.problems import NotReadyError
 from service.schemas import Reading
@@ -144,7 +144,7 @@ def _serve(given: argparse.Namespace) -> int:
 
 
 def _manage_keys(given: argparse.Namespace) -> int:
-    from service import key_commands
+    from service.cli import keys as key_commands
 
     if (wrong := _wrong_settings()) is not None:
         return _complain(wrong, MISUSED)
