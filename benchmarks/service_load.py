@@ -29,7 +29,7 @@ from service.formats import read_points
 from service.jobs.model import CloudInput, JobRow
 from service.auth.keys import DEFAULT_TENANT
 from service.telemetry.metrics import Metrics
-from service.running import running_service
+from service.runtime import running_service
 from service.settings import Settings
 from tests.e2e.processes import workers
 from tests.e2e.slow import SLOW, slow_pair

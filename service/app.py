@@ -25,7 +25,7 @@ from service.api.routes import (
     registrations,
     uploads,
 )
-from service.running import running_service
+from service.runtime import running_service
 from service.settings import Settings
 
 

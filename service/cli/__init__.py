@@ -130,7 +130,7 @@ time        {found.timing["total"]:.2f} s"""
 
 def _serve(given: argparse.Namespace) -> int:
     from service.auth.bind_check import OpenToStrangersError
-    from service.main import serve  # loads the service, which `mpe align` does without
+    from service.server import serve  # loads the service, which `mpe align` does without
 
     if (wrong := _wrong_settings()) is not None:
         return _complain(wrong, MISUSED)

@@ -64,7 +64,7 @@ def test_more_threads_than_cores_are_refused() -> None:
 
 def test_service_process_loads_no_kernel_and_no_open3d() -> None:
     heavy = "[m for m in sys.modules if m.startswith(('numba', 'mpe_core.kernels', 'open3d'))]"
-    program = f"import sys; import service.main; print({heavy})"
+    program = f"import sys; import service.server; print({heavy})"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     assert loaded.stdout.strip() == b"[]"
 

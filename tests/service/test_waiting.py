@@ -18,7 +18,7 @@ from service.jobs.notifier import Changes
 from service.jobs.model import CloudInput, JobRow
 from service.auth.keys import DEFAULT_TENANT
 from service.telemetry.metrics import Metrics
-from service.running import running_service
+from service.runtime import running_service
 from service.settings import Settings
 from tests.clouds import knot
 
