@@ -17,8 +17,8 @@ from benchmarks.recall import is_right
 from mpe_core import register
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.assess.confidence import Evidence
-from tests.checks import pose_error
-from tests.clouds import Array, real_trial
+from tests.factories.checks import pose_error
+from tests.factories.clouds import Array, real_trial
 
 IMPOSSIBLE = 240
 CLEAN = (0.0, 0.0)

@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from mpe_core import register
 from mpe_core.geometry.rigid import inverse
-from tests.checks import rotation_error
-from tests.clouds import Array, points_of, true_pose
+from tests.factories.checks import rotation_error
+from tests.factories.clouds import Array, points_of, true_pose
 
 RINGS = {
     "bunny": [f"bunny/bun{angle:03d}.ply" for angle in (0, 45, 90, 180, 270, 315)],

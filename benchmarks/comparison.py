@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 
 from benchmarks.experiment import timed
 from benchmarks.methods import Method
-from tests.checks import pose_error
-from tests.clouds import Trial
+from tests.factories.checks import pose_error
+from tests.factories.clouds import Trial
 
 Row = dict[str, Any]
 

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from benchmarks.experiment import DATA
 from mpe_core.geometry.rigid import apply, inverse
-from tests.clouds import Array, Pair, points_of, true_pose
+from tests.factories.clouds import Array, Pair, points_of, true_pose
 
 LEAST_OVERLAP = 0.15
 

@@ -24,8 +24,8 @@ from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.search.pose_prior import Knowledge
 from mpe_core.geometry.rigid import apply
 from mpe_core.clouds.preprocess import scan
-from tests.checks import pose_error
-from tests.clouds import Array, Pair, moved, real_trial
+from tests.factories.checks import pose_error
+from tests.factories.clouds import Array, Pair, moved, real_trial
 
 SEEDS = 3
 IMPOSSIBLE = 120

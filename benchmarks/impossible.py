@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.experiment import DATA
 from mpe_core.geometry.rigid import apply, random_rotation
-from tests.clouds import Array, motion, points_of
+from tests.factories.clouds import Array, motion, points_of
 
 SHARED = {  # things that more than one suite shows, or may show; every other suite shows its own
     "bunny": {"bunny"},

@@ -17,8 +17,8 @@ from mpe_core import register
 from mpe_core.clouds.normalize import radius
 from mpe_core.assess.confidence import ACCEPTED
 from mpe_core.geometry.rigid import apply
-from tests.checks import pose_error
-from tests.clouds import Array, Pair, Trial, real_trial
+from tests.factories.checks import pose_error
+from tests.factories.clouds import Array, Pair, Trial, real_trial
 
 FRACTIONS = (2, 3, 4, 6, 8)
 """Radius of the target over that of the parts."""

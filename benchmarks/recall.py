@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from benchmarks.comparison import Row, absent, binned, compare, measured
 from benchmarks.experiment import DATA, Result, markdown
 from benchmarks.methods import AS_DOCUMENTED, Method
-from tests.clouds import Pair, Trial, real_trial
+from tests.factories.clouds import Pair, Trial, real_trial
 
 LABELS = ("id", "suite", "overlap", "max_rotation_deg", "max_translation")
 KEYS = ("overlap", "right")

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.experiment import Experiment, Result, markdown, timed
 from mpe_core import register
-from tests.checks import pose_error
-from tests.clouds import knot, moved
+from tests.factories.checks import pose_error
+from tests.factories.clouds import knot, moved
 
 COUNTS = (1_000, 10_000, 100_000, 1_000_000, 10_000_000)
 NOISE = 0.0005

@@ -31,10 +31,10 @@ from service.auth.keys import DEFAULT_TENANT
 from service.telemetry.metrics import Metrics
 from service.runtime import running_service
 from service.settings import Settings
-from tests.e2e.processes import workers
-from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, running_server
-from tests.waiting import until
+from tests.factories.processes import workers
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.server import Server, running_server
+from tests.factories.waiting import until
 
 CLIENTS = 64
 LOAD_S = 60

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.clouds import Array
+from tests.factories.clouds import Array
 
 POINTS = 6000
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.postgres import Postgres, find_programs, running_postgres
+from tests.factories.postgres import Postgres, find_programs, running_postgres
 
 PROJECT = Path(__file__).parent.parent
 DATA = Path(os.environ.get("MPE_DATA", PROJECT.parent / "shared" / "data"))

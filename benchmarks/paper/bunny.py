@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.comparison import Row, compare, described, settings_text, values
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import MPL, MPL_PAPER
-from tests.clouds import Trial, bunny, moved
+from tests.factories.clouds import Trial, bunny, moved
 
 TRIALS = 50
 CASES = {  # what is done to the source, degrees that count as right, how many must be

@@ -38,7 +38,7 @@ from benchmarks.methods import (
 )
 from benchmarks.paper.trials import anywhere
 from mpe_core.geometry.rigid import fit
-from tests.clouds import Array, Trial, bunny, moved
+from tests.factories.clouds import Array, Trial, bunny, moved
 
 SIGMAS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16)
 RIGHT = 5.0

@@ -35,8 +35,8 @@ from benchmarks.methods import (
 )
 from benchmarks.paper.trials import anywhere
 from mpe_core import register
-from tests.checks import pose_error
-from tests.clouds import Trial, bunny, moved
+from tests.factories.checks import pose_error
+from tests.factories.clouds import Trial, bunny, moved
 
 COUNTS = (0, 200, 950, 3000, 9000)
 BOTH = {"noise": 0.04, "outliers": 3000}

@@ -9,7 +9,7 @@ from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.rigid import apply
 from mpe_core.paper.sparse_search import sparse_mpe
-from tests.clouds import bunny, moved
+from tests.factories.clouds import bunny, moved
 
 PAPER = {  # ratio: mean seconds, error
     0.05: (0.71, 0.010845),

@@ -11,7 +11,7 @@ from benchmarks.comparison import Row, by_method, compare, curves, described, se
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import CPD, EM_ICP, MPE, MPL, MPL_PAPER
 from mpe_core.geometry.sampling import random_rows
-from tests.clouds import Trial, bunny, moved
+from tests.factories.clouds import Trial, bunny, moved
 
 SMALL, MEDIUM, LARGE = (1000, 2500), (5000, 7500), (15000, 25000, 35000)
 

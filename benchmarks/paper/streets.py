@@ -12,7 +12,7 @@ from benchmarks.comparison import Row, compare, described, settings_text, values
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import GLOBAL, MPL, MPL_PAPER
 from mpe_core.geometry.rigid import apply
-from tests.clouds import Trial, real_pair
+from tests.factories.clouds import Trial, real_pair
 
 SUITES = ("kitti10m", "nclt", "eth_tls_facade", "lidar_car", "lidar_small_gicp")
 METHODS = [*GLOBAL, MPL_PAPER]

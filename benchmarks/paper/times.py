@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
 from mpe_core import RegistrationOptions, register
-from tests.checks import pose_error
-from tests.clouds import bunny, moved
+from tests.factories.checks import pose_error
+from tests.factories.clouds import bunny, moved
 
 CLOUDS = ("bun_zipper_res4", "bun_zipper_res3", "bun_zipper_res2", "bun_zipper")
 TRIALS = 3

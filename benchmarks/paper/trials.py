@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpe_core.geometry.rigid import apply, inverse, random_rotation
-from tests.clouds import Array, Trial, motion, moved
+from tests.factories.clouds import Array, Trial, motion, moved
 
 
 def anywhere(cloud: Array, seed: int, *, noise: float = 0.0, outliers: int = 0) -> Trial:

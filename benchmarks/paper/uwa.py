@@ -29,7 +29,7 @@ from benchmarks.methods import (
     SAC_IA,
     TRIMMED_ICP,
 )
-from tests.clouds import Trial, real_pair
+from tests.factories.clouds import Trial, real_pair
 
 PAPER = {  # Chef: degrees, translation
     "paper: MPL": (0.2651, 0.5775),

@@ -15,7 +15,7 @@ from mpe_core.paper.algorithm1 import EPS, descend
 from mpe_core.paper.force_field import OPENING, ExactField, Field, TreeField
 from mpe_core.geometry.rigid import fit, rotation_error
 from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
-from tests.clouds import bunny, moved
+from tests.factories.clouds import bunny, moved
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("matplotlib")
 from benchmarks.closure import closure, triangles
 from mpe_core.geometry.rigid import inverse
-from tests.clouds import axis_rotation, random_rotation
+from tests.factories.clouds import axis_rotation, random_rotation
 
 
 @pytest.fixture

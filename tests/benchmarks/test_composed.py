@@ -10,8 +10,8 @@ pytest.importorskip("matplotlib")
 from benchmarks.composed import LEAST_OVERLAP, composed_pairs, composed_poses, overlap
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.geometry.validation import is_rigid
-from tests.checks import pose_error
-from tests.clouds import points_of, true_pose
+from tests.factories.checks import pose_error
+from tests.factories.clouds import points_of, true_pose
 
 
 @pytest.fixture(scope="module")

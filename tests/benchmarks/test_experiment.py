@@ -9,7 +9,7 @@ pytest.importorskip("matplotlib")
 from benchmarks import experiment
 from benchmarks.experiment import Experiment, main
 from mpe_core.geometry.rigid import apply, rotation_error
-from tests.clouds import knot
+from tests.factories.clouds import knot
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial import KDTree
 
 from mpe_core import register
-from tests.checks import pose_error
-from tests.clouds import real_pair
+from tests.factories.checks import pose_error
+from tests.factories.clouds import real_pair
 
 PAIRS = (
     "bunny_bun090_bun000",

@@ -12,7 +12,7 @@ from mpe_core.geometry.nearest import Neighbours
 from mpe_core.paper.force_field import ExactField
 from mpe_core.paper.trimmed_icp import trimmed_icp
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
-from tests.clouds import knot
+from tests.factories.clouds import knot
 
 
 @pytest.fixture

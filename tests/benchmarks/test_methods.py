@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.checks import assert_pose_close
-from tests.clouds import bunny, moved, real_pair
+from tests.factories.checks import assert_pose_close
+from tests.factories.clouds import bunny, moved, real_pair
 
 pytest.importorskip("open3d")
 methods = pytest.importorskip("benchmarks.methods", reason="peers are not installed")

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.paper.noise import bound
 from mpe_core.geometry.rigid import fit, rotation_error
-from tests.clouds import Array, knot
+from tests.factories.clouds import Array, knot
 
 
 def median_of_fits(cloud: Array, sigma: float, trials: int) -> float:

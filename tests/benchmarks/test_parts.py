@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("matplotlib")
 from benchmarks.parts import FRACTIONS, LEAST_POINTS, PARTS, PARTS_OF_A_PAIR, parts
 from mpe_core.clouds.normalize import radius
-from tests.clouds import real_pair
+from tests.factories.clouds import real_pair
 
 
 def test_parts_are_as_small_as_said_and_lie_over_the_target(data):

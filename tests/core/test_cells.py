@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from mpe_core.geometry.cell_list import LARGE, CellList, arranged, grid, thin
-from tests.clouds import bunny
+from tests.factories.clouds import bunny
 
 REACH = 0.1
 

@@ -9,8 +9,8 @@ from mpe_core import RegistrationOptions, register
 from mpe_core.clouds.normalize import radius
 from mpe_core.assess.confidence import LIKE_SIZES, Evidence
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
-from tests.checks import assert_pose_close, pose_error
-from tests.clouds import real_pair
+from tests.factories.checks import assert_pose_close, pose_error
+from tests.factories.clouds import real_pair
 
 
 def odds(**said):

@@ -6,8 +6,8 @@ import pytest
 from mpe_core.paper.algorithm1 import EPS, LAST_TURN, descend
 from mpe_core.paper.force_field import ExactField
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
-from tests.checks import assert_pose_close
-from tests.clouds import bunny
+from tests.factories.checks import assert_pose_close
+from tests.factories.clouds import bunny
 
 
 def test_it_falls_to_the_true_pose_from_up_to_90_degrees(data):

@@ -17,8 +17,8 @@ from mpe_core.geometry.rotations import even_rotations
 from mpe_core.geometry.sampling import weighted_rows
 from mpe_core.clouds.preprocess import scan
 from mpe_core.clouds.surface import surface
-from tests.checks import assert_pose_close
-from tests.clouds import bunny, moved, real_pair
+from tests.factories.checks import assert_pose_close
+from tests.factories.clouds import bunny, moved, real_pair
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 
 from mpe_core import InvalidOptionsError, InvalidWeightsError, RegistrationOptions, register
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
-from tests.checks import assert_pose_close, pose_error
-from tests.clouds import bunny, knot, motion, moved, real_pair, room, sheet, turned_over
+from tests.factories.checks import assert_pose_close, pose_error
+from tests.factories.clouds import bunny, knot, motion, moved, real_pair, room, sheet, turned_over
 
 UP = np.array([0.0, 0.0, 1.0])
 

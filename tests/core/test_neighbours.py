@@ -6,7 +6,7 @@ from scipy.spatial import KDTree
 
 from mpe_core.geometry.cell_list import LARGE, occupied
 from mpe_core.geometry.nearest import PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
-from tests.clouds import bunny
+from tests.factories.clouds import bunny
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.refine.full_sum import _Expansion, descend_potential
 from mpe_core.geometry.rigid import axis_rotation, pose, rotation_error
-from tests.clouds import bunny, knot, moved
+from tests.factories.clouds import bunny, knot, moved
 
 
 def test_moments_are_the_plain_sums():

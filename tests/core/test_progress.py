@@ -4,7 +4,7 @@ import pytest
 
 from mpe_core import RegistrationOptions, register
 from mpe_core.progress import SHARES, Progress
-from tests.clouds import real_pair
+from tests.factories.clouds import real_pair
 
 
 class CancelledError(Exception):

@@ -8,8 +8,8 @@ from mpe_core.assess.inliers import inlier_threshold
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.paper.trimmed_icp import trimmed_count, trimmed_icp
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
-from tests.checks import assert_pose_close
-from tests.clouds import bunny, points_of, real_pair
+from tests.factories.checks import assert_pose_close
+from tests.factories.clouds import bunny, points_of, real_pair
 
 
 def nudge(degrees, shift, seed=0):

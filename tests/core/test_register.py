@@ -9,8 +9,8 @@ import pytest
 
 from mpe_core import InvalidOptionsError, RegistrationOptions, TooFewPointsError, register
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
-from tests.checks import assert_pose_close
-from tests.clouds import knot, moved, real_pair
+from tests.factories.checks import assert_pose_close
+from tests.factories.clouds import knot, moved, real_pair
 
 METHODS = ("mpl", "mpe")
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mpe_core import register
-from tests.checks import pose_error
-from tests.clouds import bunny, moved
+from tests.factories.checks import pose_error
+from tests.factories.clouds import bunny, moved
 
 TRIALS = 20
 

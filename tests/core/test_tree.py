@@ -10,8 +10,8 @@ from mpe_core import InvalidOptionsError, RegistrationOptions, register
 from mpe_core.kernels.tree_sum import GROUP
 from mpe_core.paper.force_field import ExactField, TreeField
 from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
-from tests.checks import pose_error
-from tests.clouds import bunny, knot, moved, real_pair
+from tests.factories.checks import pose_error
+from tests.factories.clouds import bunny, knot, moved, real_pair
 
 
 def off(force, exact):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mpe_core import RegistrationOptions, register
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
-from tests.clouds import bunny, moved
+from tests.factories.clouds import bunny, moved
 
 
 def error(found, truth, centre):

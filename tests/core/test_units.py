@@ -6,7 +6,7 @@ import pytest
 
 from mpe_core import register
 from mpe_core.clouds.unit_check import unit_mismatch
-from tests.clouds import real_pair
+from tests.factories.clouds import real_pair
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from mpe_core.paper.trimmed_icp import LEAST_OVERLAP, trimmed_count, trimmed_icp
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.geometry.sampling import random_rows
 from mpe_core.paper.barnes_hut_tree import tree_order
-from tests.checks import assert_pose_close, pose_error
-from tests.clouds import Trial, bunny, with_passer
+from tests.factories.checks import assert_pose_close, pose_error
+from tests.factories.clouds import Trial, bunny, with_passer
 
 METHODS = [
     {"method": "mpe", "field": "exact"},

@@ -23,12 +23,12 @@ import httpx
 import numpy as np
 import psutil
 
-from tests.e2e.processes import all_of, forkserver
-from tests.e2e.receiver import Receiver, receiving
-from tests.e2e.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
-from tests.postgres import find_programs, running_postgres
-from tests.server import Server, finished, running_server, submit
-from tests.waiting import until
+from tests.factories.processes import all_of, forkserver
+from tests.factories.receiver import Receiver, receiving
+from tests.factories.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
+from tests.factories.postgres import find_programs, running_postgres
+from tests.factories.server import Server, finished, running_server, submit
+from tests.factories.waiting import until
 
 SETTINGS = {
     "webhook_hosts": "127.0.0.1",

@@ -13,10 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 from service.formats import DecodedCloud, read_points
-from tests.server import Server, running_server
-from tests.service.cloud_files import NORMALS, POINTS, pcd, ply
-from tests.service.scanner_files import DOUBLES, las
-from tests.waiting import until
+from tests.factories.server import Server, running_server
+from tests.factories.cloud_files import NORMALS, POINTS, pcd, ply
+from tests.factories.scanner_files import DOUBLES, las
+from tests.factories.waiting import until
 
 C, S = np.cos(np.radians(20)), np.sin(np.radians(20))
 TURN = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])

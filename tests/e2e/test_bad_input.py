@@ -9,8 +9,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import Server, finished, running_server
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, finished, running_server
 
 GOOD = as_npy(arms(1))
 PLY_CUT_SHORT = (

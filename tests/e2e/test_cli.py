@@ -16,8 +16,8 @@ import pytest
 from numpy.typing import NDArray
 
 from service.formats import read_points, write_ply
-from tests.server import free_port
-from tests.waiting import until
+from tests.factories.server import free_port
+from tests.factories.waiting import until
 
 MPE = Path(sys.executable).parent / "mpe"
 ANGLE = np.radians(25)

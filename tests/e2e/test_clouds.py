@@ -15,9 +15,9 @@ import pytest
 from tusclient.client import TusClient
 from tusclient.uploader import Uploader
 
-from tests.e2e.scans import arms, as_npy, motion, moved, pose_error
-from tests.server import Server, running_server
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy, motion, moved, pose_error
+from tests.factories.server import Server, running_server
+from tests.factories.waiting import until
 
 REFERENCE = arms(1)
 FILE = as_npy(REFERENCE)

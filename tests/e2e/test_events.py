@@ -8,9 +8,9 @@ from typing import Any
 
 import httpx
 
-from tests.e2e.scans import arms, as_npy
-from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, finished
+from tests.factories.scans import arms, as_npy
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.server import Server, finished
 
 CLOUD = as_npy(arms(2, 5000))
 STAGES = ["queued", "decode", "prepare", "search", "refine", "inliers", "finished"]

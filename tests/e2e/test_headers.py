@@ -10,8 +10,8 @@ import httpx
 import pytest
 import yaml
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import CALL_S, PROJECT, Server, registered, running_server
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import CALL_S, PROJECT, Server, registered, running_server
 
 CLOUD = as_npy(arms(1))
 PAGE = "https://lab.example.org"

@@ -11,10 +11,10 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.e2e.scans import arms, as_npy
-from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, finished, running_server, submit
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.server import Server, finished, running_server, submit
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import PROJECT, Server, free_port, running_server
-from tests.tenants import caller, new_key, revoke
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import PROJECT, Server, free_port, running_server
+from tests.factories.tenants import caller, new_key, revoke
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 

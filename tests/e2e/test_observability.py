@@ -14,9 +14,9 @@ from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTrace
 from opentelemetry.proto.trace.v1.trace_pb2 import Span
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import Server, running_server
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, running_server
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from service.formats import write_ply
-from tests.checks import assert_pose_close, pose_error
-from tests.clouds import bunny, knot, motion, room, sheet, turned_over, with_passer
-from tests.server import Server, finished
+from tests.factories.checks import assert_pose_close, pose_error
+from tests.factories.clouds import bunny, knot, motion, room, sheet, turned_over, with_passer
+from tests.factories.server import Server, finished
 
 Array = NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])

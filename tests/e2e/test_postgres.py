@@ -11,14 +11,14 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.e2e.processes import workers
-from tests.e2e.receiver import Receiver, receiving
-from tests.e2e.scans import arms, as_npy
-from tests.e2e.slow import SLOW, slow_pair
+from tests.factories.processes import workers
+from tests.factories.receiver import Receiver, receiving
+from tests.factories.scans import arms, as_npy
+from tests.factories.slow import SLOW, slow_pair
 from tests.e2e.test_events import follow
-from tests.postgres import Postgres, running_postgres
-from tests.server import Server, finished, running_server
-from tests.waiting import until
+from tests.factories.postgres import Postgres, running_postgres
+from tests.factories.server import Server, finished, running_server
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 JOBS = "/v1/registrations"

@@ -9,11 +9,11 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.e2e.scans import arms, as_npy
-from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, registered, running_server, submit
-from tests.tenants import caller, new_key
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.server import Server, registered, running_server, submit
+from tests.factories.tenants import caller, new_key
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 TUS = {"Tus-Resumable": "1.0.0"}

@@ -15,7 +15,7 @@ import pytest
 from benchmarks.blade import scan
 from service.formats import read_points, write_ply
 from service.settings import Settings
-from tests.server import Server
+from tests.factories.server import Server
 from tools.readme_tables import renewed
 
 PROJECT = Path(__file__).parent.parent.parent

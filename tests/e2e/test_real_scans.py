@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.e2e.scans import Points, Pose, as_npy, motion, moved, pair, points, pose_error
-from tests.server import Server
+from tests.factories.scans import Points, Pose, as_npy, motion, moved, pair, points, pose_error
+from tests.factories.server import Server
 
 pytestmark = pytest.mark.real_data
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.e2e.scans import arms, as_npy, motion, moved, pose_error
-from tests.e2e.slow import SLOW, slow_pair
-from tests.server import CALL_S, Server, finished, submit
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy, motion, moved, pose_error
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.server import CALL_S, Server, finished, submit
+from tests.factories.waiting import until
 
 
 def test_accepted_then_finished(server: Server) -> None:
@@ -145,7 +145,7 @@ def test_health(server: Server) -> None:
 def test_served_description_is_the_committed_one(server: Server) -> None:
     import yaml
 
-    from tests.server import PROJECT
+    from tests.factories.server import PROJECT
 
     committed = yaml.safe_load((PROJECT / "openapi.yaml").read_text())
     assert server.client.get("/openapi.json").json() == committed, "run `make openapi`"

@@ -11,9 +11,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import Server, free_port, running_server
-from tests.waiting import until
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, free_port, running_server
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 KEY, SECRET = "scanner", "tide-and-time"

@@ -14,11 +14,11 @@ from sqlalchemy import text
 
 from service.database.engine import open_database
 from service.settings import Settings
-from tests.e2e.receiver import Receiver, receiving
-from tests.e2e.scans import arms, as_npy
-from tests.server import Server, finished, running_server
-from tests.tenants import caller, new_key
-from tests.waiting import until
+from tests.factories.receiver import Receiver, receiving
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, finished, running_server
+from tests.factories.tenants import caller, new_key
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 SIGNATURE, TOKEN, PASSWORD = "sig-4f1c9a77", "token-9be2d031", "pass-77aa01cd"

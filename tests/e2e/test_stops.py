@@ -11,11 +11,11 @@ import httpx
 import psutil
 import pytest
 
-from tests.e2e.processes import forkserver, workers
-from tests.e2e.scans import arms, as_npy
-from tests.e2e.slow import SLOW, slow_pair
-from tests.server import Server, finished, running_server
-from tests.waiting import until
+from tests.factories.processes import forkserver, workers
+from tests.factories.scans import arms, as_npy
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.server import Server, finished, running_server
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 

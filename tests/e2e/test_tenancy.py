@@ -13,9 +13,9 @@ import httpx
 import pytest
 import yaml
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import CALL_S, PROJECT, Server, registered, running_server, submit
-from tests.tenants import caller, new_key, revoke
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import CALL_S, PROJECT, Server, registered, running_server, submit
+from tests.factories.tenants import caller, new_key, revoke
 
 API = yaml.safe_load((PROJECT / "openapi.yaml").read_text())
 METHODS = ("get", "put", "post", "delete", "options", "head", "patch", "trace", "query")

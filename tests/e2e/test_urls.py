@@ -14,12 +14,12 @@ import psutil
 import pytest
 import trustme
 
-from tests.e2e.processes import workers
-from tests.e2e.scans import arms, as_npy
-from tests.e2e.scans_online import CLOUD, post, scans_online
-from tests.server import Server, finished, running_server
-from tests.service.fetching.web import Handler, Web
-from tests.waiting import until
+from tests.factories.processes import workers
+from tests.factories.scans import arms, as_npy
+from tests.factories.scans_online import CLOUD, post, scans_online
+from tests.factories.server import Server, finished, running_server
+from tests.factories.web import Handler, Web
+from tests.factories.waiting import until
 
 SECRET = "X-Amz-Signature=0123456789abcdef"
 

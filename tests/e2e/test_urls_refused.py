@@ -11,9 +11,9 @@ import trustme
 from service.outbound import FetchRules, check_source
 from service.problems import AddressRefusedError
 from service.settings import Settings
-from tests.e2e.scans_online import post, scans_online
-from tests.server import Server, running_server
-from tests.service.fetching.web import Web, serving
+from tests.factories.scans_online import post, scans_online
+from tests.factories.server import Server, running_server
+from tests.factories.web import Web, serving
 
 
 @pytest.fixture(scope="module")

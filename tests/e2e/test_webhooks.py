@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from tests.e2e.receiver import Receiver, receiving
-from tests.e2e.scans import arms, as_npy
-from tests.server import Server, running_server
-from tests.service.fetching.web import serving
-from tests.waiting import until
+from tests.factories.receiver import Receiver, receiving
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, running_server
+from tests.factories.web import serving
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 SECRET = "spring tide"

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.server import PROJECT, running_server
+from tests.factories.server import PROJECT, running_server
 
 ST = Path(sys.executable).parent / "st"
 FOLDER = Path(__file__).parent

@@ -8,8 +8,8 @@ from uuid import uuid4
 import schemathesis
 from hypothesis import strategies as st
 
-from tests.service.cloud_files import seeds
-from tests.service.scanner_files import scanner_seeds
+from tests.factories.cloud_files import seeds
+from tests.factories.scanner_files import scanner_seeds
 
 CLOUDS = st.sampled_from([file for _, file in sorted((seeds() | scanner_seeds()).items())])
 KNOWLEDGE = (

@@ -21,8 +21,8 @@ with atheris.instrument_imports(include=["service.formats", "laspy", "pye57", "t
 
     from service.formats import FORMATS, CloudFileError, Limits, read_points, sniff
 
-from tests.service.cloud_files import seeds
-from tests.service.scanner_files import kitti, scanner_seeds, whole_e57
+from tests.factories.cloud_files import seeds
+from tests.factories.scanner_files import kitti, scanner_seeds, whole_e57
 
 LIMITS = Limits(max_points=100_000)
 MOST_BYTES = 20_000

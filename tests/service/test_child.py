@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.waiting import until
+from tests.factories.waiting import until
 
 PROJECT = Path(__file__).parent.parent.parent
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.problems import INTERNAL, PROBLEM_TYPES
 from service.settings import Settings
-from tests.server import PROJECT
+from tests.factories.server import PROJECT
 
 TEXT = (PROJECT / "docs" / "service.md").read_text()
 

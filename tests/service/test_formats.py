@@ -17,7 +17,7 @@ from service.formats import (
     sniff,
     write_ply,
 )
-from tests.service.cloud_files import NORMALS, POINTS, npy, npz, pcd, ply, seeds, text_rows
+from tests.factories.cloud_files import NORMALS, POINTS, npy, npz, pcd, ply, seeds, text_rows
 
 REAL = [
     ("csv_header.csv", "xyz", 7999, (80.2649, 70.450547, 24.4703)),

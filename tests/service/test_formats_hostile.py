@@ -22,9 +22,9 @@ from service.formats import (
     UnsupportedFileError,
     read_points,
 )
-from tests.service.cloud_files import POINTS, npy, npz, ply, seeds
-from tests.service.hostile_files import ALL, HUGE, LIES, corpus, zip_of
-from tests.service.scanner_files import scanner_seeds
+from tests.factories.cloud_files import POINTS, npy, npz, ply, seeds
+from tests.factories.hostile_files import ALL, HUGE, LIES, corpus, zip_of
+from tests.factories.scanner_files import scanner_seeds
 
 MOST_MEMORY = 8 << 20  # bytes; the files here have a few kilobytes
 

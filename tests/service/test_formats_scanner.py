@@ -19,8 +19,8 @@ from service.formats import (
     read_points,
     sniff,
 )
-from tests.service.cloud_files import POINTS, npz, ply, text_rows
-from tests.service.scanner_files import (
+from tests.factories.cloud_files import POINTS, npz, ply, text_rows
+from tests.factories.scanner_files import (
     DOUBLES,
     e57,
     glb,
@@ -80,7 +80,7 @@ def test_points_are_those_of_the_file(tmp_path: Path, kind: str) -> None:
 
 
 def test_every_format_has_a_case() -> None:
-    from tests.service.cloud_files import seeds
+    from tests.factories.cloud_files import seeds
 
     met = {sniff(content[:4096]) for content in {**seeds(), **scanner_seeds()}.values()}
     assert met | {"kitti"} == {format.name for format in FORMATS}

@@ -20,7 +20,7 @@ from service.auth.keys import DEFAULT_TENANT
 from service.telemetry.metrics import Metrics
 from service.runtime import running_service
 from service.settings import Settings
-from tests.clouds import knot
+from tests.factories.clouds import knot
 
 PATIENCE_S = 240.0
 """Far longer than a start and a registration take, far shorter than until the next look."""

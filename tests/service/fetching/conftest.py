@@ -14,7 +14,7 @@ from service.outbound.url_policy import Rules
 from service.outbound.deadline import TimeBounds
 from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
-from tests.service.fetching.web import OPEN, Names, Web, serving
+from tests.factories.web import OPEN, Names, Web, serving
 
 Fetch = Callable[..., Blob]
 

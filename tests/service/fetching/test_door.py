@@ -21,7 +21,7 @@ from service.problems import (
 )
 from service.storage.blobs import BlobStore
 from tests.service.fetching.conftest import Fetch
-from tests.service.fetching.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
+from tests.factories.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
 
 SECRET = "X-Amz-Signature=0123456789abcdef"
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

@@ -11,7 +11,7 @@ from service.outbound.url_policy import Rules, check_url
 from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
 from tests.service.fetching.conftest import Fetch
-from tests.service.fetching.web import OPEN, Names, Web, serving
+from tests.factories.web import OPEN, Names, Web, serving
 
 MISSPELT = [
     "",

@@ -10,7 +10,7 @@ import trustme
 
 from service.problems import AddressRefusedError, FetchTlsError
 from tests.service.fetching.conftest import Fetch
-from tests.service.fetching.web import CONTENT, Web, serving
+from tests.factories.web import CONTENT, Web, serving
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 

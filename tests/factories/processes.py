@@ -7,8 +7,8 @@ from pathlib import Path
 import psutil
 
 from service.workers.sandbox.limits import BUSY_NAME
-from tests.server import Server
-from tests.waiting import until
+from tests.factories.server import Server
+from tests.factories.waiting import until
 
 
 def forkserver(server: Server) -> psutil.Process:

@@ -16,7 +16,7 @@ import laspy
 import numpy as np
 import pye57
 
-from tests.service.cloud_files import POINTS, ply, text_rows
+from tests.factories.cloud_files import POINTS, ply, text_rows
 
 DOUBLES = POINTS.astype(np.float64)
 FACES = np.array([(i, i + 1, i + 2) for i in range(38)])

@@ -14,7 +14,7 @@ from typing import Any
 
 import httpx
 
-from tests.waiting import until
+from tests.factories.waiting import until
 
 PROJECT = Path(__file__).parent.parent
 PORTS = range(15_000, 32_000)

@@ -15,7 +15,7 @@ from uuid import uuid4
 
 import psycopg
 
-from tests.waiting import until
+from tests.factories.waiting import until
 
 DEBIAN = Path("/usr/lib/postgresql")
 SETTINGS = {

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-from tests.waiting import until
+from tests.factories.waiting import until
 
 
 class Receiver(ThreadingHTTPServer):

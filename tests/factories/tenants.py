@@ -10,7 +10,7 @@ import httpx
 from service.database.engine import open_database
 from service.auth.keys import KeyStore, Limits
 from service.settings import Settings
-from tests.server import CALL_S, Server
+from tests.factories.server import CALL_S, Server
 
 
 @contextmanager

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 
 import httpx
 
-from tests.e2e.scans import arms, as_npy
-from tests.server import Server
-from tests.service.fetching.web import Handler, Web, serving
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server
+from tests.factories.web import Handler, Web, serving
 
 CLOUD = as_npy(arms(1))
 

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tests.service.cloud_files import POINTS, npy, npz, pcd, ply, seeds, text_rows
-from tests.service.scanner_files import (
+from tests.factories.cloud_files import POINTS, npy, npz, pcd, ply, seeds, text_rows
+from tests.factories.scanner_files import (
     e57,
     las,
     ptx,

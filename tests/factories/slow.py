@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.e2e.scans import arms, as_npy
+from tests.factories.scans import arms, as_npy
 
 SLOW = '{"method": "mpe", "field": "exact", "max_iterations": 10000}'
 
