@@ -16,7 +16,7 @@ from service.jobs.accept import Idempotency
 from service.storage.scratch import discard_scratch, scratch_of
 from service.jobs.store import JobStore
 from service.problems import QueueFullError
-from tests.service.test_store import LEASE_S, add, claimed, new_job, open_store
+from tests.unit.service.jobs.test_store import LEASE_S, add, claimed, new_job, open_store
 
 Stores = tuple[JobStore, JobStore]
 LIMIT = 40

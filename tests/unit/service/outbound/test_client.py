@@ -20,7 +20,7 @@ from service.problems import (
     FetchUnreachableError,
 )
 from service.storage.blobs import BlobStore
-from tests.service.fetching.conftest import Fetch
+from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
 
 SECRET = "X-Amz-Signature=0123456789abcdef"

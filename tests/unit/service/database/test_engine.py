@@ -15,7 +15,7 @@ from service.auth.keys import KeyStore, Limits, parted
 from service.problems import InvalidRequestError, UnknownCloudError, UnknownUploadError
 from service.storage.blobs import BlobStore
 from service.clouds.uploads import UploadStore
-from tests.service.test_store import CLOUD, OUTCOME, add, claimed, open_store
+from tests.unit.service.jobs.test_store import CLOUD, OUTCOME, add, claimed, open_store
 
 XYZ = b"0 0 0\n1 0 0\n0 1 0\n"
 

@@ -10,7 +10,7 @@ from service.outbound.ip_policy import METADATA
 from service.outbound.url_policy import Rules, check_url
 from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
-from tests.service.fetching.conftest import Fetch
+from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import OPEN, Names, Web, serving
 
 MISSPELT = [

@@ -9,7 +9,7 @@ import pytest
 import trustme
 
 from service.problems import AddressRefusedError, FetchTlsError
-from tests.service.fetching.conftest import Fetch
+from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import CONTENT, Web, serving
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

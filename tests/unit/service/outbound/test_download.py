@@ -9,7 +9,7 @@ import pytest
 from service.outbound.http_cache import forget_removed
 from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.storage.blobs import BlobStore
-from tests.service.fetching.conftest import Fetch
+from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import CONTENT, Handler, Names, Web
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
