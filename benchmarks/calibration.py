@@ -15,8 +15,8 @@ from benchmarks.experiment import DATA, Experiment, Result
 from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from mpe_core import register
-from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.assess.confidence import Evidence
+from mpe_core.clouds.normalize import as_pair, as_points
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, real_trial
 

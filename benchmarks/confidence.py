@@ -18,12 +18,12 @@ from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
-from mpe_core.evaluator import Alignment
 from mpe_core.clouds.normalize import Pair as Centred
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.search.pose_prior import Knowledge
-from mpe_core.geometry.rigid import apply
 from mpe_core.clouds.preprocess import scan
+from mpe_core.evaluator import Alignment
+from mpe_core.geometry.rigid import apply
+from mpe_core.search.pose_prior import Knowledge
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, Pair, moved, real_trial
 

@@ -15,8 +15,8 @@ from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.recall import is_right
 from mpe_core import register
 from mpe_core.clouds.normalize import radius
-from mpe_core.assess.confidence import ACCEPTED
 from mpe_core.geometry.rigid import apply
+from mpe_core.options import ACCEPTANCE_THRESHOLD
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, Pair, Trial, real_trial
 
@@ -127,7 +127,7 @@ def draw(result: Result, figure: Figure) -> None:
         fraction = np.array([row["fraction"] for row in rows])
         place = fraction * np.exp(rng.uniform(-0.06, 0.06, len(rows)))
         axes.plot(place, [row["confidence"] for row in rows], ".", label=name)
-    axes.axhline(ACCEPTED, color="grey", linewidth=1)
+    axes.axhline(ACCEPTANCE_THRESHOLD, color="grey", linewidth=1)
     axes.set(xscale="log", xlabel="radius of the target over that of the part")
     axes.set_xticks(FRACTIONS, [f"{fraction}" for fraction in FRACTIONS])
     axes.set_ylabel("confidence")

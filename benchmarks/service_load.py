@@ -25,15 +25,16 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from mpe_core import RegistrationOptions
-from service.formats import read_points
-from service.jobs.model import CloudInput, JobRow
 from service.auth.keys import DEFAULT_TENANT
-from service.telemetry.metrics import Metrics
+from service.clouds.inputs import CloudInput
+from service.formats import read_points
+from service.jobs.model import JobRow
 from service.runtime import running_service
 from service.settings import Settings
+from service.telemetry.metrics import Metrics
 from tests.factories.processes import workers
-from tests.factories.slow import SLOW, slow_pair
 from tests.factories.server import Server, running_server
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.waiting import until
 
 CLIENTS = 64

@@ -8,31 +8,32 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
 from mpe_core.assess.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
-from mpe_core.search.nearest_lattice import NearestField, nearest_field
-from mpe_core.search.pose_search import Candidates, Effort, find_poses
-from mpe_core.search.pose_prior import Knowledge
+from mpe_core.assess.covariance import (
+    PROBED_POINTS,
+    Uncertainty,
+    free_count,
+    potential_uncertainty,
+    surface_information,
+    uncertainty,
+)
+from mpe_core.clouds.preprocess import Sample, Scan
+from mpe_core.clouds.surface import Surface
+from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
+from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.options import RegistrationOptions
+from mpe_core.refine.full_sum import EPS, descend_potential
+from mpe_core.refine.minimum import Minimum
 from mpe_core.refine.point_to_plane import (
     SMOOTHED,
-    Polished,
     TargetPlanes,
     nearest_planes,
     point_to_plane,
     spread,
 )
-from mpe_core.refine.full_sum import EPS, descend_potential, potential_uncertainty
-from mpe_core.geometry.rigid import apply, inverse
-from mpe_core.clouds.preprocess import Sample, Scan
-from mpe_core.clouds.surface import Surface
-from mpe_core.assess.covariance import (
-    PROBED_POINTS,
-    Uncertainty,
-    free_count,
-    surface_information,
-    uncertainty,
-)
+from mpe_core.search.nearest_lattice import NearestField, nearest_field
+from mpe_core.search.pose_prior import Knowledge
+from mpe_core.search.pose_search import Candidates, Effort, find_poses
 
 Pose = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ pairs of `EFFORTS` it chooses 25 right out of 48, and all 48 polished fully give
 class Aligned:
     """A polished pose with what speaks for it."""
 
-    polished: Polished
+    polished: Minimum
     evidence: Evidence
 
 
@@ -146,7 +147,7 @@ class Alignment:
         polished = self._polish_full_sum(T) if self._full_sum else self._polish_planes(T)
         return Aligned(polished, self.judge(polished.T))
 
-    def _polish_planes(self, T: Pose) -> Polished:
+    def _polish_planes(self, T: Pose) -> Minimum:
         planes, most = self._planes, self._options.max_iterations
         found = point_to_plane(self._sample, planes, self._oriented(T), self._motions, most)
         if self._smoothing_helps(found.T):
@@ -183,14 +184,14 @@ class Alignment:
         own_normals = self._own_planes(probe).normals
         return surface_information(probe, own_normals, self._planes, T, self._motions)
 
-    def uncertainty(self, polished: Polished) -> Uncertainty:
+    def uncertainty(self, polished: Minimum) -> Uncertainty:
         """Of a polished pose, about the source's centroid and in radii."""
         T = polished.T
-        if self._full_sum and not polished.by_planes:
+        if self._full_sum and not polished.is_planar:
             eps = EPS * _noise(self.source.surface, self.target.surface, T)
             found = potential_uncertainty(*self._coarse(), T, eps, self._knowledge.motions())
             return found.about(T[:3, 3])
-        sample, smooth = self._sample, polished.smooth
+        sample, smooth = self._sample, polished.is_smoothed
         if smooth and self._smooth_sample is not None:
             sample = self._smooth_sample
         there = self._oriented(T)
@@ -201,9 +202,9 @@ class Alignment:
             found = found.seen_from_target(T)
         return found.about(T[:3, 3])
 
-    def _polish_full_sum(self, T: Pose) -> Polished:
+    def _polish_full_sum(self, T: Pose) -> Minimum:
         most = self._options.max_iterations
-        polished = Polished(T, False, 0)
+        polished = Minimum(T, False, 0)
         for _ in range(2):  # the noise is known once the pose is
             eps = EPS * _noise(self.source.surface, self.target.surface, polished.T)
             motions = self._knowledge.motions()

@@ -22,6 +22,9 @@ SEARCHES: tuple[Search, ...] = ("global", "sparse")
 Field = Literal["tree", "exact"]
 FIELDS: tuple[Field, ...] = ("tree", "exact")
 
+ACCEPTANCE_THRESHOLD = 0.5
+"""Confidence from which on a pose is accepted."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegistrationOptions:

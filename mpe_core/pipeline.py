@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from mpe_core.evaluator import Aligned, Alignment
-from mpe_core.search.pose_search import EFFORTS, Effort, distinct
 from mpe_core.progress import Progress
+from mpe_core.search.pose_search import EFFORTS, Effort, distinct
 
 RIVAL = 0.7
 """Candidates that score at least this share of the best are polished and compared."""

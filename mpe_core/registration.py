@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mpe_core.evaluator import Aligned, Alignment
-from mpe_core.clouds.normalize import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.assess.confidence import Evidence
-from mpe_core.errors import InvalidOptionsError
+from mpe_core.assess.covariance import Uncertainty
+from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import inlier_threshold
-from mpe_core.kernels.point_rows import row_distances
-from mpe_core.search.pose_prior import Knowledge
-from mpe_core.pipeline import align
-from mpe_core.geometry.nearest import nearest_rows
-from mpe_core.options import RegistrationOptions
-from mpe_core.paper.methods import as_printed
-from mpe_core.refine.point_to_plane import Polished
-from mpe_core.paper.force_field import p2_energy
-from mpe_core.progress import Progress, Report
-from mpe_core.result import Inliers, Registration
-from mpe_core.geometry.rigid import apply
+from mpe_core.clouds.normalize import Cloud, Pair, as_pair, as_points, radius
 from mpe_core.clouds.preprocess import Scan, scan
 from mpe_core.clouds.surface import VOXEL
-from mpe_core.assess.covariance import Uncertainty
 from mpe_core.clouds.unit_check import unit_mismatch
+from mpe_core.errors import InvalidOptionsError
+from mpe_core.evaluator import Aligned, Alignment
+from mpe_core.geometry.nearest import nearest_rows
+from mpe_core.geometry.rigid import apply
+from mpe_core.kernels.point_rows import row_distances
+from mpe_core.options import RegistrationOptions
+from mpe_core.paper.methods import as_printed
+from mpe_core.pipeline import align
+from mpe_core.progress import Progress, Report
+from mpe_core.refine.minimum import Minimum
+from mpe_core.result import Inliers, Registration
+from mpe_core.search.pose_prior import Knowledge
 
 LEAST_VOXEL, MOST_VOXEL = 1e-3, 0.2
 """Finest and coarsest thinning, in radii of the smaller cloud; a sphere of radius 1 keeps some 300
@@ -153,7 +153,7 @@ def _warnings(
     source: Cloud,
     target: Cloud,
     pair: Pair,
-    polished: Polished,
+    polished: Minimum,
     inliers: int,
     trust: Evidence,
     rivals: int,

@@ -8,11 +8,10 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
-from service.api.middleware.request_log import Access
 from service.api.error_handlers import register_error_handlers
-from service.api.middleware.security_headers import CORS, SecurityHeaders
 from service.api.middleware.drain_body import LingeringClose
-from service.telemetry.metrics import Metrics
+from service.api.middleware.request_log import Access
+from service.api.middleware.security_headers import CORS, SecurityHeaders
 from service.api.openapi import describe
 from service.api.routes import (
     aligned,
@@ -27,6 +26,7 @@ from service.api.routes import (
 )
 from service.runtime import running_service
 from service.settings import Settings
+from service.telemetry.metrics import Metrics
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:

@@ -3,29 +3,59 @@
 from __future__ import annotations
 
 import fcntl
+import logging
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from service.clouds.store import CloudStore
-from service.core import Service
 from service.auth.authenticator import Gate
-from service.jobs.notifier import Changes
-from service.database.engine import open_database
-from service.webhooks.outbox import DeliveryStore
-from service.jobs.model import Retention
-from service.workers.pool import Queue
-from service.jobs.store import JobStore
-from service.webhooks.sender import Webhooks
 from service.auth.keys import KeyStore
-from service.telemetry.metrics import Metrics
-from service.settings import Settings
 from service.auth.quotas import Shares
+from service.auth.rate_limit import RateLimit
+from service.clouds.store import CloudStore
+from service.clouds.uploads import UploadStore
+from service.database.engine import Database, open_database
+from service.jobs.idempotency import KeysInFlight
+from service.jobs.model import Retention
+from service.jobs.notifier import Changes
+from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
+from service.jobs.store import JobStore
+from service.outbound import forget_removed
+from service.settings import Settings
 from service.storage.blobs import BlobStore
+from service.storage.decoded_cache import PreparedClouds
+from service.storage.scratch import discard_scratch
+from service.telemetry.metrics import Metrics
 from service.telemetry.recorder import Telemetry
 from service.telemetry.tracing import Tracing
-from service.workers.maintenance import Upkeep
-from service.clouds.uploads import UploadStore
+from service.webhooks.outbox import DeliveryStore
+from service.webhooks.sender import Webhooks
+from service.workers.maintenance import Maintenance, Task
+from service.workers.pool import Queue
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """What the routes work with."""
+
+    settings: Settings
+    database: Database
+    blobs: BlobStore
+    store: JobStore
+    queue: Queue
+    changes: Changes
+    deliveries: DeliveryStore
+    clouds: CloudStore
+    uploads: UploadStore
+    telemetry: Telemetry
+    gate: Gate
+    shares: Shares
+    rate_limit: RateLimit = field(default_factory=RateLimit)
+    keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
 
 
 @contextmanager
@@ -35,16 +65,16 @@ def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
         service = _assemble(settings, metrics)
         service.blobs.discard_incoming()
         webhooks = Webhooks(service.store, service.deliveries, settings)
-        upkeep = Upkeep(service)
-        for part in (service.queue, upkeep, webhooks):
+        maintenance = Maintenance(_maintenance_tasks(service), settings.upkeep_interval_s)
+        for part in (service.queue, maintenance, webhooks):
             part.start()
         try:
             yield service
         finally:
             webhooks.stop()
-            upkeep.stop()
+            maintenance.stop()
             service.queue.stop(grace_s=0)
-            service.telemetry.recorder.close()
+            service.telemetry.close()
             service.database.close()
 
 
@@ -73,6 +103,37 @@ def _assemble(settings: Settings, metrics: Metrics) -> Service:
         gate=Gate(KeyStore(database), settings),
         shares=Shares(database),
     )
+
+
+def _maintenance_tasks(service: Service) -> list[Task]:
+    """Return what is done from time to time, in its order: what has expired keeps no file."""
+    settings, database = service.settings, service.database
+    prepared = PreparedClouds(settings.data_dir / "prepared")
+
+    def expire_leases() -> None:
+        service.store.lose_all("its lease ended", lease_before=time.time())
+
+    def fail_overdue() -> None:
+        for job_id in service.store.miss_deadlines():
+            service.changes.announce(job_id)
+
+    def collect_blobs() -> None:
+        removed = service.blobs.collect(
+            lambda: needed_blobs(database), now=time.time(), grace_s=settings.blob_grace_s
+        )
+        if removed:
+            log.info("removed %d unused files", removed)
+
+    return [
+        expire_leases,
+        fail_overdue,
+        lambda: discard_scratch(settings.data_dir, service.store.running),
+        lambda: drop_expired(database),
+        service.uploads.drop_expired,
+        collect_blobs,
+        lambda: prepared.collect(referable_blobs(database)),
+        lambda: forget_removed(settings.data_dir, service.blobs),
+    ]
 
 
 @contextmanager

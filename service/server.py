@@ -12,9 +12,9 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.auth.bind_check import check_binding
-from service.core import Service
-from service.telemetry.json_logs import configure_logs
+from service.runtime import Service
 from service.settings import Settings
+from service.telemetry.json_logs import configure_logs
 
 CONNECTIONS_GRACE_S = 3
 """Seconds that open connections (event streams, waits) have left once the jobs are handed back."""

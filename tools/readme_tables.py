@@ -14,8 +14,8 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from service.formats import FORMATS
-from service.schemas.options import Options
 from service.schemas import Result
+from service.schemas.options import Options
 from service.settings import Settings
 
 README = Path(__file__).parent.parent / "README.md"

@@ -11,10 +11,10 @@ from benchmarks.experiment import DATA
 from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, bare, dots
 from benchmarks.pictures.story import Story
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.paper.algorithm1 import EPS, descend
-from mpe_core.paper.force_field import OPENING, ExactField, Field, TreeField
 from mpe_core.geometry.rigid import fit, rotation_error
+from mpe_core.paper.algorithm1 import EPS, descend
 from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
+from mpe_core.paper.force_field import OPENING, ExactField, Field, TreeField
 from tests.factories.clouds import bunny, moved
 
 Array = NDArray[np.float64]

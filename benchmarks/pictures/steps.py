@@ -11,11 +11,11 @@ from scipy.spatial import KDTree
 
 from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, dots, legend, panels
 from benchmarks.pictures.story import Story
-from mpe_core.search import pose_search as global_search
+from mpe_core.clouds.surface import Surface
+from mpe_core.geometry.rigid import apply, rotation_error
 from mpe_core.paper.algorithm1 import EPS
 from mpe_core.paper.force_field import ExactField
-from mpe_core.geometry.rigid import apply, rotation_error
-from mpe_core.clouds.surface import Surface
+from mpe_core.search import pose_search as global_search
 
 Array = NDArray[np.float64]
 

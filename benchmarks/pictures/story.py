@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from benchmarks.experiment import DATA
 from mpe_core import Registration, RegistrationOptions, registration
-from mpe_core.search import pose_search as global_search
 from mpe_core.clouds.normalize import Pair, as_pair, as_points
-from mpe_core.geometry.rigid import rotation_error
 from mpe_core.clouds.surface import Surface
+from mpe_core.geometry.rigid import rotation_error
+from mpe_core.search import pose_search as global_search
 from tests.factories.clouds import real_pair
 
 Array = NDArray[np.float64]

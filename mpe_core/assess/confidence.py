@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.refine.point_to_plane import TargetPlanes, nearest_planes
 from mpe_core.clouds.preprocess import Sample
+from mpe_core.options import ACCEPTANCE_THRESHOLD
+from mpe_core.refine.point_to_plane import TargetPlanes, nearest_planes
 
 LEAST_SHARP, SHARP_SPACINGS, SHARP_NOISES = 0.006, 0.3, 1.5
 """Distance from a plane that counts as on it: in radii of the smaller cloud, in point spacings and
@@ -50,9 +51,6 @@ of 444 right poses refused, with the free directions 17 and 76 of 450."""
 MOST_CHANCE = 0.9
 """So that one is left to tell; the shared pairs have 0.11 to 0.38."""
 
-ACCEPTED = 0.5
-"""Confidence from which on a pose is accepted."""
-
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
@@ -83,7 +81,7 @@ class Evidence:
     @property
     def accepted(self) -> bool:
         """Whether the pose is taken for right."""
-        return self.confidence >= ACCEPTED
+        return self.confidence >= ACCEPTANCE_THRESHOLD
 
     @property
     def rank(self) -> tuple[bool, float]:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.cell_list import CellList, Points
-from mpe_core.kernels.energy_descent import move
-from mpe_core.refine.point_to_plane import Nearest, TargetPlanes, nearest_planes
-from mpe_core.geometry.rigid import cross_matrix
 from mpe_core.clouds.preprocess import Sample
+from mpe_core.geometry.cell_list import CellList, Points
+from mpe_core.geometry.rigid import cross_matrix
+from mpe_core.kernels.energy_descent import move
+from mpe_core.refine.full_sum import PotentialExpansion
+from mpe_core.refine.point_to_plane import Nearest, TargetPlanes, nearest_planes
 
 Array = NDArray[np.float64]
 
@@ -96,6 +97,20 @@ def sandwich(N: Array, B: Array, information: Array, motions: Array) -> Uncertai
     half = np.linalg.solve(known.T @ N @ known, known.T)
     covariance = free @ free.T + half.T @ (known.T @ B @ known) @ half
     return Uncertainty(covariance, np.ascontiguousarray(free.T))
+
+
+def potential_uncertainty(
+    source: Points, target: Points, T: Array, eps: float, motions: Array
+) -> Uncertainty:
+    """Covariance of the minimum of `descend_potential`: the sandwich H^-1 B H^-1, B the scatter of
+    the pull over the source's points."""
+    here = PotentialExpansion(source, np.ascontiguousarray(target.T), T, eps)
+    # turns and moves in units that move the points equally stiffly
+    unit = 1 / np.sqrt(np.where(here.scale > 0, here.scale, 1))
+    H = here.hessian * np.outer(unit, unit)
+    B = np.einsum("ni,nj->ij", here.pulls, here.pulls) * np.outer(unit, unit)
+    found = sandwich(H, B, motions.T @ H @ motions, motions)
+    return found.through(np.diag(unit)).about(-here.centre)
 
 
 def _pulls(pairs: Nearest, cut: float) -> Array:

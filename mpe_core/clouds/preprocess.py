@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.clouds.surface import VOXEL, Surface, facing, surface
 from mpe_core.geometry.cell_list import CellList, Points, thin, thin_weighted
 from mpe_core.geometry.sampling import proportional_rows
-from mpe_core.clouds.surface import VOXEL, Surface, facing, surface
 
 FINE = 1 / 3
 """Edge of the fine thinning over that of the coarse one, 0.005 radii of the smaller cloud by

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.bounds import extent
+from mpe_core.kernels.buckets import partitioned
 from mpe_core.kernels.cell_list import LAST_CELL, nearest_within
-from mpe_core.kernels.local_planes import local_planes
 from mpe_core.kernels.cell_table import (
     FEW_CELLS,
     MANY_CELLS,
@@ -19,7 +19,7 @@ from mpe_core.kernels.cell_table import (
     number_cells,
     table_of,
 )
-from mpe_core.kernels.buckets import partitioned
+from mpe_core.kernels.local_planes import local_planes
 from mpe_core.kernels.point_rows import columns_at, rows_as_given
 
 Points = NDArray[np.float32]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.point_rows import transformed
 from mpe_core.geometry.validation import is_rotation
+from mpe_core.kernels.point_rows import transformed
 
 Array = NDArray[np.float64]
 

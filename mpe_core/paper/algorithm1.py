@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.paper.force_field import Field, traction
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
+from mpe_core.paper.force_field import Field, traction
 
 Array = NDArray[np.float64]
 

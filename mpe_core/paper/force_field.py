@@ -1,4 +1,4 @@
-"""The force field of a fixed reference cloud, and the P2 criterion."""
+"""The force field of a fixed reference cloud."""
 
 from __future__ import annotations
 
@@ -92,9 +92,3 @@ def traction(points: Array, centre: Array, force: Array) -> tuple[Array, Array]:
     # v x [F - (F.v) v] = v x F, because v x v = 0
     torque = np.array([M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0]])
     return torque, np.einsum("n,ni->i", np.einsum("ni,ni->n", force, v), v)
-
-
-def p2_energy(distance: Array, eps: float) -> float:
-    """P2 criterion (Eq. 10) of a pose from the distances (N,) of the source points to their nearest
-    target points, K_i = eps^2: -mean eps^2 / (d^2 + eps^2), in [-1, 0]; lower is better."""
-    return -float(np.mean(eps**2 / (distance**2 + eps**2)))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from mpe_core.clouds.normalize import Cloud, Pair
-from mpe_core.paper.algorithm1 import EPS, Descent, descend
 from mpe_core.geometry.nearest import Neighbours
-from mpe_core.options import RegistrationOptions
-from mpe_core.refine.point_to_plane import Polished
-from mpe_core.paper.force_field import Array, ExactField, Field, TreeField
-from mpe_core.progress import Progress
-from mpe_core.paper.trimmed_icp import trimmed_icp
 from mpe_core.geometry.rigid import apply
-from mpe_core.paper.sparse_search import sparse_mpe
+from mpe_core.options import RegistrationOptions
+from mpe_core.paper.algorithm1 import EPS, Descent, descend
 from mpe_core.paper.barnes_hut_tree import tree_order
+from mpe_core.paper.force_field import Array, ExactField, Field, TreeField
+from mpe_core.paper.sparse_search import sparse_mpe
+from mpe_core.paper.trimmed_icp import trimmed_icp
+from mpe_core.progress import Progress
+from mpe_core.refine.minimum import Minimum
 
 Weights = tuple[Array | None, Array | None]
 """(N,) of the source and (M,) of the target, where there are any."""
@@ -22,7 +22,7 @@ Weights = tuple[Array | None, Array | None]
 
 def as_printed(
     x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions, progress: Progress
-) -> Polished:
+) -> Minimum:
     """Method "mpe" on all points, or "mpl" with a sparse search and trimmed ICP; without the points
     of weight 0."""
     start = np.eye(4)
@@ -31,9 +31,7 @@ def as_printed(
     source, target = apply(start, x.heavy(pair.source)), y.heavy(pair.target)
     method = _mpe if options.method == "mpe" else _mpl
     found = method(source, target, (x.masses(), y.masses()), options, progress)
-    return Polished(
-        found.T_target_source @ start, found.converged, found.iterations, by_planes=True
-    )
+    return Minimum(found.T_target_source @ start, found.converged, found.iterations, is_planar=True)
 
 
 def _mpe(

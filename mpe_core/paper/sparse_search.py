@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.geometry.sampling import random_rows
 from mpe_core.paper.algorithm1 import EPS, Descent, descend
 from mpe_core.paper.force_field import ExactField
-from mpe_core.geometry.sampling import random_rows
 
 Array = NDArray[np.float64]
 

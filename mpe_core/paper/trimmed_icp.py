@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mpe_core.paper.algorithm1 import Descent
 from mpe_core.geometry.nearest import Neighbours
 from mpe_core.geometry.rigid import apply, fit, pose
+from mpe_core.paper.algorithm1 import Descent
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import Points
-from mpe_core.kernels.potential_moments import potential_moments
-from mpe_core.kernels.energy_descent import move
-from mpe_core.refine.point_to_plane import STILL, Polished
 from mpe_core.geometry.rigid import apply
-from mpe_core.assess.covariance import Uncertainty, sandwich
+from mpe_core.kernels.energy_descent import move
+from mpe_core.kernels.potential_moments import potential_moments
+from mpe_core.refine.minimum import Minimum
+from mpe_core.refine.point_to_plane import STILL
 
 Pose = NDArray[np.float64]
 
@@ -25,40 +25,26 @@ alone)."""
 
 def descend_potential(
     source: Points, target: Points, T: Pose, eps: float, motions: NDArray[np.float64], most: int
-) -> Polished:
+) -> Minimum:
     """Minimise -sum_ij 1 / (|y_j - (R x_i + t)|^2 + eps^2) over all pairs, from the pose T:
     Newton's method with Levenberg's damping, so that no step raises the energy by more than
     rounding; steps within the `motions` (6, K)."""
     y = np.ascontiguousarray(target.T)
-    here = _Expansion(source, y, T, eps)
+    here = PotentialExpansion(source, y, T, eps)
     damping, iterations, converged = 1e-3, 0, False
     while iterations < most and damping < 1e4 and not converged:
         iterations += 1
         step = here.step(damping, motions)
-        there = _Expansion(source, y, here.moved(step), eps) if step is not None else here
+        there = PotentialExpansion(source, y, here.moved(step), eps) if step is not None else here
         if step is None or there.energy > here.energy * (1 - 1e-7):
             damping = max(8 * damping, 1e-3)
             continue
         converged = bool(np.abs(step).max() < STILL)
         here, damping = there, 0.2 * damping
-    return Polished(here.T, converged, iterations)
+    return Minimum(here.T, converged, iterations)
 
 
-def potential_uncertainty(
-    source: Points, target: Points, T: Pose, eps: float, motions: NDArray[np.float64]
-) -> Uncertainty:
-    """Covariance of the minimum of `descend_potential`: the sandwich H^-1 B H^-1, B the scatter of
-    the pull over the source's points."""
-    here = _Expansion(source, np.ascontiguousarray(target.T), T, eps)
-    # turns and moves in units that move the points equally stiffly
-    unit = 1 / np.sqrt(np.where(here.scale > 0, here.scale, 1))
-    H = here.hessian * np.outer(unit, unit)
-    B = np.einsum("ni,nj->ij", here.pulls, here.pulls) * np.outer(unit, unit)
-    found = sandwich(H, B, motions.T @ H @ motions, motions)
-    return found.through(np.diag(unit)).about(-here.centre)
-
-
-class _Expansion:
+class PotentialExpansion:
     """Energy of a pose, with gradient and Hessian over a rotation vector about the moved source's
     centroid and a translation."""
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.cell_list import CellList, Points
-from mpe_core.kernels.plane_equations import plane_equations
-from mpe_core.kernels.energy_descent import move
-from mpe_core.geometry.rigid import apply
 from mpe_core.clouds.preprocess import Sample
 from mpe_core.clouds.surface import facing
+from mpe_core.geometry.cell_list import CellList, Points
+from mpe_core.geometry.rigid import apply
+from mpe_core.kernels.energy_descent import move
+from mpe_core.kernels.plane_equations import plane_equations
+from mpe_core.refine.minimum import Minimum
 
 Pose = NDArray[np.float64]
 
@@ -99,19 +100,6 @@ class TargetPlanes:
 
 
 @dataclass(frozen=True, slots=True)
-class Polished:
-    """A pose at its minimum."""
-
-    T: Pose
-    converged: bool
-    iterations: int
-    by_planes: bool = False
-    """Whether it is a minimum of the distances from planes."""
-    smooth: bool = False
-    """Whether these were smoothed."""
-
-
-@dataclass(frozen=True, slots=True)
 class Nearest:
     """Source points at a pose, each with the plane of the target next to it."""
 
@@ -163,7 +151,7 @@ def point_to_plane(
     max_iterations: int,
     *,
     smooth: bool = False,
-) -> Polished:
+) -> Minimum:
     """Minimise sum rho(n_j*.(y_j* - (R x_i + t))) from the pose T, y_j* the nearest point of the
     target and rho Tukey's biweight (Chen and Medioni 1991; robust loss after Babin et al. 2019), by
     steps within the `motions` (6, K)."""
@@ -180,7 +168,7 @@ def point_to_plane(
             T = T.copy()
             move(T, step)
             converged = bool(np.abs(step).max() < (STILL if cut == target.cut else 20 * STILL))
-    return Polished(T, converged, iterations, by_planes=True, smooth=smooth)
+    return Minimum(T, converged, iterations, is_planar=True, is_smoothed=smooth)
 
 
 def spread(pairs: Nearest, cut: float) -> float:

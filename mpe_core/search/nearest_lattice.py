@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.bounds import extent
 from mpe_core.kernels.distance_transform import nearest_index
-from mpe_core.clouds.surface import Surface
 
 CELL = 0.03
 """Edge of a lattice cell in radii of the smaller cloud: twice the spacing of the thinned points."""

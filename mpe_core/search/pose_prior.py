@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.normalize import Pair
-from mpe_core.options import RegistrationOptions
 from mpe_core.geometry.rigid import axis_rotation, inverse, pose
 from mpe_core.geometry.rotations import even_rotations
+from mpe_core.options import RegistrationOptions
 
 Array = NDArray[np.float64]
 

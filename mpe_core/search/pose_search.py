@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.assess.confidence import ACCEPTED
-from mpe_core.search.nearest_lattice import NearestField
-from mpe_core.kernels.translation_votes import FACE, best_translations
-from mpe_core.kernels.energy_descent import descend
-from mpe_core.search.pose_prior import Knowledge
-from mpe_core.geometry.sampling import even_rows
 from mpe_core.clouds.surface import Surface
+from mpe_core.geometry.sampling import even_rows
+from mpe_core.kernels.energy_descent import descend
+from mpe_core.kernels.translation_votes import FACE, best_translations
+from mpe_core.options import ACCEPTANCE_THRESHOLD
+from mpe_core.search.nearest_lattice import NearestField
+from mpe_core.search.pose_prior import Knowledge
 
 Poses = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ THOROUGH = Effort(
         Wave(1000, 0.06, 0.03, 8, 4),
         Wave(3000, 0.06, 0.02, 16, 4),
     ),
-    enough=ACCEPTED,
+    enough=ACCEPTANCE_THRESHOLD,
 )
 WIDE = Effort(
     rotations=4608,
@@ -104,7 +104,7 @@ WIDE = Effort(
         Wave(1000, 0.06, 0.03, 8, 64),
         Wave(2000, 0.06, 0.02, 10, 64),
     ),
-    enough=ACCEPTED,
+    enough=ACCEPTANCE_THRESHOLD,
 )
 EFFORTS = (QUICK, THOROUGH, WIDE)
 """Each follows where the one before does not find enough. The 85 shared pairs, two starts each, and

@@ -10,10 +10,10 @@ import psutil
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
-from service.core import Service
 from service.auth.authenticator import Caller
 from service.jobs.accept import check_room, check_share
 from service.problems import NotReadyError, OverloadedError
+from service.runtime import Service
 
 RETRY_AFTER_S = 30
 

@@ -12,14 +12,14 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.admission import room_for_body
 from service.api.body import read_file
-from service.core import Service
+from service.api.same_origin import check_origin
+from service.api.submission import Submission, read_submission
 from service.auth.authenticator import Caller
 from service.jobs.model import JobRow
-from service.api.same_origin import check_origin
 from service.problems import UnknownRegistrationError
+from service.runtime import Service
 from service.schemas import FormatName
 from service.storage.blobs import Blob
-from service.api.submission import Submission, read_submission
 
 _WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)
 
@@ -46,13 +46,13 @@ async def identify(
     Without a key: whoever is not a page of another site.
     """
     given = request.headers.getlist("authorization")
-    caller = service.auth.authenticator.remembered(given)
+    caller = service.gate.remembered(given)
     if caller is None:
-        caller = await run_in_threadpool(service.auth.authenticator.identified, given)
+        caller = await run_in_threadpool(service.gate.identified, given)
     if caller.key_id is None:
         check_origin(request, service.settings)
     request.scope["caller"] = caller
-    service.auth.rate_limit.count(caller)
+    service.rate_limit.count(caller)
     return caller
 
 

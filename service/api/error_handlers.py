@@ -15,7 +15,6 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
 from service.api.middleware.security_headers import protect
-from service.telemetry.metrics import Metrics
 from service.problems import (
     INTERNAL,
     PROBLEM_TYPES,
@@ -26,6 +25,7 @@ from service.problems import (
     problem,
     problem_type,
 )
+from service.telemetry.metrics import Metrics
 
 log = logging.getLogger(__name__)
 

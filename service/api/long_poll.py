@@ -8,8 +8,8 @@ import time
 
 from starlette.concurrency import run_in_threadpool
 
-from service.core import Service
 from service.jobs.model import JobRow, is_terminal
+from service.runtime import Service
 
 SHARED_LOOK_S = 1.0
 LOOK_S = 15.0

@@ -11,13 +11,13 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from service.api.body import Fields, read_multipart, read_text
-from service.clouds.store import recognised
-from service.core import Service
 from service.api.error_handlers import invalid_request
-from service.outbound import FetchRules, check_callback, check_source
-from service.jobs.model import CloudInput
+from service.clouds.inputs import CloudInput
+from service.clouds.store import recognised
 from service.jobs.fingerprint import fingerprint
+from service.outbound import FetchRules, check_callback, check_source
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
+from service.runtime import Service
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
 from service.storage.blobs import Blob
 
@@ -126,7 +126,7 @@ def _from_json(body: bytes, service: Service, tenant: str) -> Submission:
 
 def _referred(reference: CloudReference, service: Service, tenant: str) -> CloudInput:
     if reference.cloud is not None:
-        return service.clouds.store.use(tenant, reference.cloud)
+        return service.clouds.use(tenant, reference.cloud)
     assert reference.url is not None  # noqa: S101
     check_source(reference.url, FetchRules.of(service.settings))
     return CloudInput(url=reference.url)

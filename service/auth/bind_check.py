@@ -5,8 +5,8 @@ from __future__ import annotations
 import socket
 from ipaddress import ip_address
 
-from service.database.engine import open_database
 from service.auth.keys import KeyStore
+from service.database.engine import open_database
 from service.settings import Settings
 
 

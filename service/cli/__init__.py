@@ -11,7 +11,15 @@ import numpy as np
 from pydantic import ValidationError
 
 from mpe_core import Registration, RegistrationError
-from service.cli.align_arguments import CLOUDS, add_options, add_reading, numbers_as_such, options_of
+from service.cli.align_arguments import (
+    CLOUDS,
+    add_options,
+    add_reading,
+    numbers_as_such,
+    options_of,
+)
+from service.cli.key_arguments import add_keys
+from service.clouds.transform import moved
 from service.formats import (
     WRITERS,
     CloudFileError,
@@ -20,8 +28,6 @@ from service.formats import (
     read_points,
     write_cloud,
 )
-from service.cli.key_arguments import add_keys
-from service.clouds.transform import moved
 from service.problems import NotReadyError
 from service.schemas import Reading
 from service.settings import Settings

@@ -10,9 +10,9 @@ from typing import Any, get_args, get_type_hints
 
 from mpe_core import RegistrationOptions
 from mpe_core.options import Matrix, Vector
-from service.schemas.options import Options
 from service.cli.pose_file import read_pose
 from service.schemas import Reading
+from service.schemas.options import Options
 
 CLOUDS = ("source", "target")
 _SMALL = re.compile(r"-\d*\.?\d*[eE][+-]?\d+")

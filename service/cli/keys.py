@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from service.database.engine import open_database
 from service.auth.keys import ApiKey, KeyStore, Limits
+from service.database.engine import open_database
 from service.settings import Settings
 
 COLUMNS = "{:<18}{:<20}{:<20}{:<22}{:<10}{}"

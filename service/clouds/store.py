@@ -6,13 +6,13 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Row, and_, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, Row, and_, delete, insert, select, update
 
-from service.formats import FORMATS, UnknownFormatError, sniff
+from service.clouds.inputs import CloudInput
 from service.database.engine import Database
-from service.jobs.model import CloudInput
-from service.jobs.listing import Place
+from service.database.pagination import Place, select_page
 from service.database.tables import clouds
+from service.formats import FORMATS, UnknownFormatError, sniff
 from service.problems import InvalidRequestError, UnknownCloudError
 from service.storage.blobs import Blob, BlobStore
 
@@ -84,13 +84,7 @@ class CloudStore:
 
     def page(self, tenant: str, *, limit: int, before: Place | None) -> list[StoredCloud]:
         """Up to `limit` clouds, newest first, from the place where the page before ended."""
-        newest_first = (clouds.c.created_at.desc(), clouds.c.id.desc())
-        mine = clouds.c.tenant == tenant
-        query = select(clouds).where(mine).order_by(*newest_first).limit(limit)
-        if before is not None:
-            created_at, cloud_id = before
-            same_time = and_(clouds.c.created_at == created_at, clouds.c.id < cloud_id)
-            query = query.where(or_(clouds.c.created_at < created_at, same_time))
+        query = select_page(clouds, before=before, limit=limit).where(clouds.c.tenant == tenant)
         with self._database.read() as connection:
             return [_known(row) for row in connection.execute(query)]
 

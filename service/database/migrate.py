@@ -11,7 +11,7 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Integer, column, inspect, select, table, text
 
-STEPS = Path(__file__).parent.parent / "migrations"
+STEPS = Path(__file__).parent / "migrations"
 
 log = logging.getLogger(__name__)
 

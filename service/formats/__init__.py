@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from service.formats.registry import FORMATS, Format
 from service.formats.decoded_cloud import DecodedCloud, Limits
 from service.formats.errors import (
     CloudFileError,
@@ -14,6 +13,7 @@ from service.formats.errors import (
     UnsupportedFileError,
 )
 from service.formats.read import read_points, sniff
+from service.formats.registry import FORMATS, Format
 from service.formats.write import WRITERS, write_cloud, write_ply
 
 __all__ = [

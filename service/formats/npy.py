@@ -17,6 +17,7 @@ from typing import IO, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.column_names import find_normals, find_xyz
 from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import (
     CloudFileError,
@@ -27,7 +28,6 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.column_names import find_normals, find_xyz
 
 MAGIC = b"\x93NUMPY"
 _NAMES = ("points", "xyz", "pcd", "positions", "vertices", "arr_0")

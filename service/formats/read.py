@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from service.formats.registry import FORMATS, Choice, Format
+from service.formats.archives import unwrapped
 from service.formats.decoded_cloud import DecodedCloud, Limits
 from service.formats.errors import (
     MalformedFileError,
@@ -14,7 +14,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.archives import unwrapped
+from service.formats.registry import FORMATS, Choice, Format
 
 SNIFFED_BYTES = 4096
 PLACES: tuple[Choice, ...] = ("scan", "surface_samples")

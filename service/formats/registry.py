@@ -7,21 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from service.formats import (
-    e57,
-    gltf,
-    kitti,
-    las,
-    mesh,
-    mesh_text,
-    numpy_file,
-    pcd,
-    ply,
-    ptx,
-    text,
-    wrapped,
-)
+from service.formats import archives, e57, kitti, las, mesh, npy, pcd, ply, ptx, xyz
 from service.formats.decoded_cloud import DecodedCloud
+from service.formats.mesh import gltf
+from service.formats.mesh import text as mesh_text
 
 Choice = Literal["scan", "surface_samples", "attributes", "weights"]
 """All attributes, or the one that holds the weights."""
@@ -94,8 +83,8 @@ FORMATS = (
         "npy",
         "NumPy array (N, 3 or more), (H, W, 3), or with fields x, y, z",
         (".npy",),
-        _starts(numpy_file.MAGIC),
-        numpy_file.read_npy,
+        _starts(npy.MAGIC),
+        npy.read_npy,
         ("weights",),
     ),
     Format(
@@ -135,24 +124,24 @@ FORMATS = (
         "NumPy archive (.npz): the array called points, xyz, ..., or the only one; "
         "or one file of any format, zipped",
         (".npz", ".zip"),
-        _starts(wrapped.ZIP_MAGIC),
-        numpy_file.read_npz,
+        _starts(archives.ZIP_MAGIC),
+        npy.read_npz,
         ("weights",),
-        wraps=wrapped.zips_one_file,
+        wraps=archives.zips_one_file,
     ),
     Format(
         "gzip",
         "one file of any format, compressed by gzip",
         (".gz",),
-        _starts(wrapped.GZIP_MAGIC),
+        _starts(archives.GZIP_MAGIC),
         None,
     ),
     Format(
         "xyz",
         "text, one point a line: blanks, tabs, commas, semicolons; with header or without; PTS",
         (".xyz", ".txt", ".csv", ".pts", ".asc"),
-        text.sniff,
-        text.read,
+        xyz.sniff,
+        xyz.read,
         ("weights",),
     ),
     Format(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.column_names import find_normals, find_xyz
 from service.formats.decoded_cloud import DecodedCloud, Limits
 from service.formats.errors import (
     MalformedFileError,
@@ -17,7 +18,6 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.column_names import find_normals, find_xyz
 from service.formats.text_table import Dialect, ends_with_newline, head_lines, read_columns
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|\s*[+-]?(nan|inf)\s*", re.I)

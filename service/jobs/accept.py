@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, replace
 
 from sqlalchemy import Connection, and_, insert, select
 
+from service.database.tables import idempotency_keys, jobs
 from service.jobs.model import JobRow, Retention
 from service.jobs.rows import count_jobs, find_job, record_change, record_end
-from service.database.tables import idempotency_keys, jobs
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
 RETRY_AFTER_FULL_S = 5

@@ -8,7 +8,7 @@ import json
 from importlib.metadata import version
 from typing import Any
 
-from service.jobs.model import CloudInput
+from service.clouds.inputs import CloudInput
 
 
 def work_key(source: CloudInput, target: CloudInput, options: dict[str, Any]) -> str | None:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, and_, or_, select
+from sqlalchemy import ColumnElement, Select
 
+from service.database.pagination import Place, select_page
 from service.database.tables import jobs
-
-Place = tuple[float, str]
-"""created_at and id of a job: where a page ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +24,7 @@ class Filter:
 
 def newest_first(only: Filter, *, before: Place | None, limit: int) -> Select[Any]:
     """The query for a page of jobs."""
-    query = select(jobs).order_by(jobs.c.created_at.desc(), jobs.c.id.desc()).limit(limit)
-    if before is not None:
-        created_at, job_id = before
-        same_time = and_(jobs.c.created_at == created_at, jobs.c.id < job_id)
-        query = query.where(or_(jobs.c.created_at < created_at, same_time))
-    return query.where(*_conditions(only))
+    return select_page(jobs, before=before, limit=limit).where(*_conditions(only))
 
 
 def _conditions(only: Filter) -> list[ColumnElement[bool]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from service.clouds.inputs import CloudInput
+
 JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]
 
@@ -15,20 +17,6 @@ ENDED: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")
 def is_terminal(status: JobStatus) -> bool:
     """Whether nothing will happen to the job any more."""
     return status in ENDED
-
-
-@dataclass(frozen=True, slots=True)
-class CloudInput:
-    """A cloud as the caller gave it: a stored blob, or a URL until it has been fetched."""
-
-    sha256: str | None = None
-    size: int | None = None
-    """Length in bytes."""
-    url: str | None = None
-    cloud: str | None = None
-    """Id of the stored cloud that the caller named."""
-    reading: dict[str, Any] = field(default_factory=dict)
-    """How to read the file, where its content does not tell: arguments of read_points."""
 
 
 @dataclass(frozen=True, slots=True)

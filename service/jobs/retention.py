@@ -20,8 +20,8 @@ from sqlalchemy import (
 )
 
 from service.database.engine import Database
-from service.jobs.model import ENDED
 from service.database.tables import clouds, jobs, uploads
+from service.jobs.model import ENDED
 
 _INPUTS = (jobs.c.source, jobs.c.target)
 

@@ -21,8 +21,9 @@ from sqlalchemy import (
     update,
 )
 
-from service.jobs.model import CloudInput, JobRow
+from service.clouds.inputs import CloudInput
 from service.database.tables import deliveries, events, jobs
+from service.jobs.model import JobRow
 from service.outbound.redact import shown
 
 

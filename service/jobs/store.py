@@ -10,11 +10,12 @@ from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, up
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from service.database.engine import Database
-from service.jobs.accept import Idempotency, accept
-from service.jobs.model import ENDED, JobEvent, JobRow, Outcome, Retention
-from service.jobs.listing import Filter, Place, newest_first
-from service.jobs.rows import count_jobs, find_job, job_of, record_change, record_end
+from service.database.pagination import Place
 from service.database.tables import events, jobs
+from service.jobs.accept import Idempotency, accept
+from service.jobs.listing import Filter, newest_first
+from service.jobs.model import ENDED, JobEvent, JobRow, Outcome, Retention
+from service.jobs.rows import count_jobs, find_job, job_of, record_change, record_end
 from service.problems import DeadlineError, WorkerLostError, error_problem
 
 MAX_LOST_ATTEMPTS = 3

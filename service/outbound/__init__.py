@@ -1,7 +1,7 @@
 """The one door through which the service calls what its callers name: clouds and callbacks."""
 
 from service.outbound.client import Door
-from service.outbound.http_cache import KnownFiles, forget_removed
+from service.outbound.deadline import Stopwatch, TimeBounds
 from service.outbound.fetch import (
     FetchRules,
     callback_rules,
@@ -9,7 +9,7 @@ from service.outbound.fetch import (
     check_source,
     fetch,
 )
-from service.outbound.deadline import Stopwatch, TimeBounds
+from service.outbound.http_cache import KnownFiles, forget_removed
 from service.outbound.urls import parse_url
 
 __all__ = [

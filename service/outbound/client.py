@@ -11,9 +11,9 @@ from importlib.metadata import version
 
 import httpcore
 
+from service.outbound.deadline import Stopwatch
 from service.outbound.transport import CheckedBackend, Resolver, system_resolver
 from service.outbound.url_policy import Rules, check_url
-from service.outbound.deadline import Stopwatch
 from service.outbound.urls import Url
 from service.problems import (
     FetchCutError,

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from service.outbound.client import Answer, Door
+from service.outbound.deadline import Stopwatch, TimeBounds
 from service.outbound.http_cache import Known, KnownFiles
 from service.outbound.redirects import follow
-from service.outbound.deadline import Stopwatch, TimeBounds
 from service.outbound.urls import Url
 from service.outbound.validators import Validators
 from service.problems import (

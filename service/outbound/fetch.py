@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Self
 
 from service.outbound.client import Door
+from service.outbound.deadline import TimeBounds
 from service.outbound.download import Download
 from service.outbound.http_cache import KnownFiles
-from service.outbound.url_policy import Rules, check_url
 from service.outbound.s3 import S3Rules, check_s3, signed, web_rules
-from service.outbound.deadline import TimeBounds
+from service.outbound.url_policy import Rules, check_url
 from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
 from service.settings import Settings

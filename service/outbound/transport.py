@@ -11,9 +11,9 @@ from typing import Any
 
 import httpcore
 
+from service.outbound.deadline import Stopwatch
 from service.outbound.ip_policy import Address, may_be_dialled
 from service.outbound.url_policy import Rules, refused_address
-from service.outbound.deadline import Stopwatch
 from service.problems import FetchNameError, FetchTlsError, FetchTooSlowError
 
 Resolver = Callable[[str], Iterable[str]]

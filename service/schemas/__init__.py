@@ -28,13 +28,6 @@ from service.schemas.requests import (
     RegistrationParameters,
     RegistrationRequest,
 )
-from service.schemas.result import (
-    INLINE_PAIRS,
-    InlierList,
-    InlierSummary,
-    Result,
-    Rotation,
-)
 from service.schemas.resources import (
     Capacity,
     Cloud,
@@ -43,6 +36,13 @@ from service.schemas.resources import (
     FormatList,
     Health,
     Share,
+)
+from service.schemas.result import (
+    INLINE_PAIRS,
+    InlierList,
+    InlierSummary,
+    Result,
+    Rotation,
 )
 
 __all__ = [

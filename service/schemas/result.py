@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from service.schemas.base import Document
 from service.schemas.arrays import Matrix, Motion, Row, Vector
+from service.schemas.base import Document
 
 INLINE_PAIRS = 100_000
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]

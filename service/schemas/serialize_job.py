@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from service.clouds.store import StoredCloud
-from service.jobs.model import CloudInput, JobRow
-from service.jobs.listing import Place
-from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
+from service.clouds.inputs import CloudInput
+from service.jobs.model import JobRow
 from service.outbound.redact import shown
+from service.schemas import CloudInfo, JobSummary, Problem, Progress, Timing
 from service.storage.blobs import BlobStore
-
-CURSOR = r"^[0-9]{1,12}\.[0-9]{9}_[A-Za-z0-9._-]{1,64}$"
 
 
 def summary(job: JobRow) -> JobSummary:
@@ -56,17 +53,6 @@ def document(job: JobRow, blobs: BlobStore) -> bytes:
     if job.result_sha256 is not None:
         result = blobs.path(job.result_sha256).read_bytes()
     return summary(job).model_dump_json().encode()[:-1] + b',"result":' + result + b"}"
-
-
-def encode_cursor(item: JobRow | StoredCloud) -> str:
-    """Name of the item's place in its list; matches CURSOR."""
-    return f"{item.created_at:.9f}_{item.id}"
-
-
-def decode_cursor(cursor: str) -> Place:
-    """(created_at, id) of the place."""
-    created_at, _, item_id = cursor.partition("_")
-    return float(created_at), item_id
 
 
 def _time(seconds: float) -> datetime:

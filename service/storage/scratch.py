@@ -6,12 +6,10 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from service.jobs.model import JobRow
 
-
-def scratch_of(data_dir: Path, job: JobRow) -> Path:
+def scratch_of(data_dir: Path, job_id: str, attempt: int) -> Path:
     """The folder of an attempt; made after the job was claimed."""
-    return data_dir / "scratch" / f"{job.id}-{job.attempt}"
+    return data_dir / "scratch" / f"{job_id}-{attempt}"
 
 
 def discard_scratch(data_dir: Path, running: Callable[[], set[tuple[str, int]]]) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 from sqlalchemy import Row, and_, select, update
 
 from service.database.engine import Database
+from service.database.tables import deliveries, jobs
 from service.jobs.model import ENDED, DeliveryStatus
 from service.jobs.rows import plan_delivery
-from service.database.tables import deliveries, jobs
 
 SENDING_S = 60.0
 """A try that has not ended within this time is made again: who made it was killed."""

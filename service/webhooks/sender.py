@@ -12,13 +12,13 @@ import threading
 import time
 from typing import Any
 
-from service.schemas.serialize_job import summary
-from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
-from service.webhooks.outbox import Delivery, DeliveryStore
 from service.jobs.model import JobRow
 from service.jobs.store import JobStore
+from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
 from service.problems import ServiceError
+from service.schemas.serialize_job import summary
 from service.settings import Settings
+from service.webhooks.outbox import Delivery, DeliveryStore
 
 SENDERS = 4
 POLL_S = 0.5

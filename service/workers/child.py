@@ -15,7 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from service.workers.task import FetchTask, Task, stand_by
+from service.workers.entry import stand_by
+from service.workers.task import FetchTask, Task
 
 MAX_MESSAGE_BYTES = 1 << 20
 START_TRIES = 3

@@ -17,24 +17,26 @@ import numba
 import numpy as np
 
 from mpe_core import Registration, RegistrationOptions, register
+from service.clouds.inputs import CloudInput
 from service.formats import CloudFileError, DecodedCloud, read_points
+from service.jobs.model import Outcome
+from service.problems import INTERNAL, JobMemoryError, problem, problem_type
+from service.schemas.serialize_result import inlier_array, result_document
+from service.storage.blobs import Blob, BlobStore
+from service.storage.decoded_cache import PreparedClouds
+from service.telemetry.json_logs import job_id
+from service.workers.fetch_inputs import fetched
 from service.workers.sandbox.limits import (
     BUSY_NAME,
     IDLE_NAME,
     confine,
     die_with_parent,
+    forkserver_pid,
     give_way,
     name_process,
 )
-from service.workers.fetch_inputs import fetched
-from service.jobs.model import CloudInput, Outcome
-from service.storage.decoded_cache import PreparedClouds
 from service.workers.sandbox.seccomp import seal_off_network
 from service.workers.task import FetchTask, Task
-from service.telemetry.json_logs import job_id
-from service.problems import INTERNAL, JobMemoryError, problem, problem_type
-from service.schemas.serialize_result import inlier_array, result_document
-from service.storage.blobs import Blob, BlobStore
 
 Report = Callable[[str, float], None]
 PROGRESS_EVERY_S = 0.2
@@ -49,9 +51,7 @@ log = logging.getLogger(__name__)
 
 def stand_by(connection: Connection) -> None:
     """Say that this process is there, wait for its one task, perform it."""
-    from service.workers.forkserver import FORKSERVER
-
-    die_with_parent(FORKSERVER)
+    die_with_parent(forkserver_pid())
     name_process(IDLE_NAME)
     send(connection, {"ready": True})
     try:

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from service.clouds.transform import merged, moved
 from service.formats import read_points, write_cloud
+from service.problems import JobTimeoutError, ServiceError
 from service.workers.sandbox.limits import Limits, confine
 from service.workers.sandbox.seccomp import seal_off_network
-from service.clouds.transform import merged, moved
-from service.problems import JobTimeoutError, ServiceError
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
+from service.clouds.inputs import CloudInput
 from service.outbound import KnownFiles, fetch
-from service.jobs.model import CloudInput
-from service.workers.task import FetchTask
 from service.problems import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore
+from service.workers.task import FetchTask
 
 
 def is_needed(cloud: CloudInput) -> bool:

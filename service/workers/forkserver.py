@@ -9,11 +9,11 @@ import laspy  # noqa: F401
 import pye57  # noqa: F401
 import trimesh.sample  # noqa: F401
 
-from service.jobs import attempt  # noqa: F401
-from service.workers.sandbox.limits import die_with_parent
 from service.telemetry.json_logs import configure_logs
+from service.workers import child_main  # noqa: F401
+from service.workers.sandbox.limits import die_with_parent, remember_forkserver
 
-FORKSERVER = os.getpid()
+remember_forkserver()
 
 die_with_parent(os.getppid())
 configure_logs(os.environ.get("MPE_LOG_LEVEL", "INFO"))

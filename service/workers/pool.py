@@ -8,16 +8,16 @@ import threading
 import time
 from collections.abc import Callable
 
-from service.jobs.notifier import Announce
-from service.workers.child import Child, prepare_forkserver
 from service.jobs.model import JobRow
-from service.storage.scratch import discard_scratch
+from service.jobs.notifier import Announce
 from service.jobs.store import JobStore
-from service.workers.supervisor import LEASE_S, Worker
-from service.telemetry.json_logs import about_job
 from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage.blobs import BlobStore
+from service.storage.scratch import discard_scratch
+from service.telemetry.json_logs import about_job
+from service.workers.child import Child, prepare_forkserver
+from service.workers.supervisor import LEASE_S, Worker
 
 POLL_S = 1.0
 

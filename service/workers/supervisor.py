@@ -11,17 +11,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from service.outbound import FetchRules
-from service.jobs.notifier import Announce
-from service.workers.child import Child, ChildLostError
-from service.workers.sandbox.limits import Limits
-from service.workers.fetch_inputs import is_needed
-from service.jobs.model import CloudInput, JobRow, Outcome, is_terminal
-from service.storage.scratch import scratch_of
-from service.workers.spare import Standby
-from service.jobs.store import JobStore
-from service.workers.task import FetchTask, Task
+from service.clouds.inputs import CloudInput
 from service.jobs.fingerprint import work_key
+from service.jobs.model import JobRow, Outcome, is_terminal
+from service.jobs.notifier import Announce
+from service.jobs.store import JobStore
+from service.outbound import FetchRules
 from service.problems import (
     DeadlineError,
     JobTimeoutError,
@@ -31,6 +26,12 @@ from service.problems import (
 )
 from service.settings import Settings
 from service.storage.blobs import BlobStore
+from service.storage.scratch import scratch_of
+from service.workers.child import Child, ChildLostError
+from service.workers.fetch_inputs import is_needed
+from service.workers.sandbox.limits import Limits
+from service.workers.spare import Standby
+from service.workers.task import FetchTask, Task
 
 LEASE_S = 30.0
 HEARTBEAT_S = LEASE_S / 3
@@ -57,7 +58,7 @@ class Worker:
 
     def work(self, job: JobRow) -> None:
         """One attempt at a claimed job, to its end in the store."""
-        scratch = scratch_of(self.settings.data_dir, job)
+        scratch = scratch_of(self.settings.data_dir, job.id, job.attempt)
         scratch.mkdir(parents=True)
         try:
             self._attempt(job, scratch)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from service.clouds.inputs import CloudInput
 from service.outbound import FetchRules
 from service.workers.sandbox.limits import Limits
-from service.jobs.model import CloudInput
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +38,3 @@ class Task:
     scratch: Path
     threads: int
     limits: Limits
-
-
-def stand_by(connection: Connection) -> None:
-    """Entry of the child process: waits for its task, then performs it."""
-    # here, not above: the service process must not load the kernels, the forkserver has them
-    from service.workers import child_main as attempt
-
-    attempt.stand_by(connection)

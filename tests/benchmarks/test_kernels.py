@@ -9,9 +9,9 @@ import pytest
 from mpe_core import register
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from mpe_core.paper.force_field import ExactField
 from mpe_core.paper.trimmed_icp import trimmed_icp
-from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.factories.clouds import knot
 
 

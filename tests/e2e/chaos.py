@@ -23,10 +23,10 @@ import httpx
 import numpy as np
 import psutil
 
+from tests.factories.postgres import find_programs, running_postgres
 from tests.factories.processes import all_of, forkserver
 from tests.factories.receiver import Receiver, receiving
 from tests.factories.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
-from tests.factories.postgres import find_programs, running_postgres
 from tests.factories.server import Server, finished, running_server, submit
 from tests.factories.waiting import until
 

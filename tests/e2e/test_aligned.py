@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from service.formats import DecodedCloud, read_points
-from tests.factories.server import Server, running_server
 from tests.factories.cloud_files import NORMALS, POINTS, pcd, ply
 from tests.factories.scanner_files import DOUBLES, las
+from tests.factories.server import Server, running_server
 from tests.factories.waiting import until
 
 C, S = np.cos(np.radians(20)), np.sin(np.radians(20))

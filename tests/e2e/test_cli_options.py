@@ -12,8 +12,8 @@ import pytest
 from mpe_core.geometry.rigid import inverse
 from service.cli import main
 from service.formats import write_ply
-from tests.factories.checks import assert_pose_close
 from tests.e2e.test_options import SHIFT, doubled, start, turned_room
+from tests.factories.checks import assert_pose_close
 
 
 def aligned(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from typing import Any
 import httpx
 
 from tests.factories.scans import arms, as_npy
-from tests.factories.slow import SLOW, slow_pair
 from tests.factories.server import Server, finished
+from tests.factories.slow import SLOW, slow_pair
 
 CLOUD = as_npy(arms(2, 5000))
 STAGES = ["queued", "decode", "prepare", "search", "refine", "inliers", "finished"]

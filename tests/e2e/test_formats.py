@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from service.formats import FORMATS
-from tests.factories.server import Server
 from tests.factories.cloud_files import seeds
 from tests.factories.scanner_files import DOUBLES, e57, kitti, obj, scanner_seeds
+from tests.factories.server import Server
 
 
 def target() -> bytes:

@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import httpx
 import pytest
 
-from tests.factories.server import Server
 from tests.factories.cloud_files import seeds
 from tests.factories.hostile_files import corpus
+from tests.factories.server import Server
 
 TWO_POINTS = b"0 0 0\n1 1 1\n"  # no target to register to: what decodes fails there, in no time
 CLIENTS = 8

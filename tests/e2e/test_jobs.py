@@ -12,8 +12,8 @@ import httpx
 import pytest
 
 from tests.factories.scans import arms, as_npy
-from tests.factories.slow import SLOW, slow_pair
 from tests.factories.server import Server, finished, running_server, submit
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))

@@ -14,11 +14,11 @@ import numpy as np
 import psutil
 import pytest
 
+from tests.e2e.test_events import follow
 from tests.factories.processes import forkserver, workers
 from tests.factories.scans import arms, as_npy
-from tests.factories.slow import SLOW, slow_pair
-from tests.e2e.test_events import follow
 from tests.factories.server import Server, finished, running_server
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.waiting import until
 
 GOOD = as_npy(arms(1))

@@ -11,13 +11,13 @@ from typing import Any
 import psutil
 import pytest
 
+from tests.e2e.test_events import follow
+from tests.factories.postgres import Postgres, running_postgres
 from tests.factories.processes import workers
 from tests.factories.receiver import Receiver, receiving
 from tests.factories.scans import arms, as_npy
-from tests.factories.slow import SLOW, slow_pair
-from tests.e2e.test_events import follow
-from tests.factories.postgres import Postgres, running_postgres
 from tests.factories.server import Server, finished, running_server
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))

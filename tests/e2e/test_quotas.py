@@ -10,8 +10,8 @@ import httpx
 import pytest
 
 from tests.factories.scans import arms, as_npy
-from tests.factories.slow import SLOW, slow_pair
 from tests.factories.server import Server, registered, running_server, submit
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.tenants import caller, new_key
 from tests.factories.waiting import until
 

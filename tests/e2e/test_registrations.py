@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.factories.scans import arms, as_npy, motion, moved, pose_error
-from tests.factories.slow import SLOW, slow_pair
 from tests.factories.server import CALL_S, Server, finished, submit
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.waiting import until
 
 

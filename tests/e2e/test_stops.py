@@ -13,8 +13,8 @@ import pytest
 
 from tests.factories.processes import forkserver, workers
 from tests.factories.scans import arms, as_npy
-from tests.factories.slow import SLOW, slow_pair
 from tests.factories.server import Server, finished, running_server
+from tests.factories.slow import SLOW, slow_pair
 from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))

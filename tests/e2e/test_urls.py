@@ -18,8 +18,8 @@ from tests.factories.processes import workers
 from tests.factories.scans import arms, as_npy
 from tests.factories.scans_online import CLOUD, post, scans_online
 from tests.factories.server import Server, finished, running_server
-from tests.factories.web import Handler, Web
 from tests.factories.waiting import until
+from tests.factories.web import Handler, Web
 
 SECRET = "X-Amz-Signature=0123456789abcdef"
 

@@ -16,8 +16,8 @@ import pytest
 from tests.factories.receiver import Receiver, receiving
 from tests.factories.scans import arms, as_npy
 from tests.factories.server import Server, running_server
-from tests.factories.web import serving
 from tests.factories.waiting import until
+from tests.factories.web import serving
 
 CLOUD = as_npy(arms(1))
 SECRET = "spring tide"

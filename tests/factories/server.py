@@ -16,7 +16,7 @@ import httpx
 
 from tests.factories.waiting import until
 
-PROJECT = Path(__file__).parent.parent
+PROJECT = Path(__file__).parent.parent.parent
 PORTS = range(15_000, 32_000)
 """Below those that systems give to outgoing connections, one of which could take the port away."""
 CALL_S = 150.0

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import httpx
 
-from service.database.engine import open_database
 from service.auth.keys import KeyStore, Limits
+from service.database.engine import open_database
 from service.settings import Settings
 from tests.factories.server import CALL_S, Server
 

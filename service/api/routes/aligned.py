@@ -13,8 +13,8 @@ from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
 from service.api.dependencies import CurrentService, KnownJob
-from service.workers.export import Alignment, write_aligned
 from service.problems import ExpiredError, ResultNotReadyError
+from service.workers.export import Alignment, write_aligned
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 

@@ -9,9 +9,9 @@ from uuid import uuid4
 from fastapi import APIRouter, Path, Query, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.clouds.store import StoredCloud
 from service.api.dependencies import CurrentCaller, CurrentService, DeclaredFormat, RawBody
-from service.schemas.serialize_job import CURSOR, decode_cursor, encode_cursor
+from service.clouds.store import StoredCloud
+from service.database.pagination import CURSOR, decode_cursor, encode_cursor
 from service.schemas import Cloud, CloudPage
 
 router = APIRouter(prefix="/v1/clouds", tags=["clouds"])
@@ -40,7 +40,7 @@ async def create(
     format: DeclaredFormat = None,
 ) -> Cloud:
     """The body is the file itself; the answer names the id to refer to it by."""
-    put = service.clouds.store.put
+    put = service.clouds.put
     cloud = await run_in_threadpool(put, caller.tenant, str(uuid4()), blob, format)
     response.headers["Location"] = f"{router.prefix}/{cloud.id}"
     return _document(cloud)
@@ -60,7 +60,7 @@ async def put(
     format: DeclaredFormat = None,
 ) -> Cloud:
     """The body is the file itself; it takes the place of a former cloud of this id."""
-    stored = await run_in_threadpool(service.clouds.store.put, caller.tenant, cloud_id, blob, format)
+    stored = await run_in_threadpool(service.clouds.put, caller.tenant, cloud_id, blob, format)
     return _document(stored)
 
 
@@ -75,7 +75,7 @@ def list_page(
 ) -> CloudPage:
     """Follow `next_cursor` until it is null."""
     before = None if cursor is None else decode_cursor(cursor)
-    found = service.clouds.store.page(caller.tenant, limit=limit + 1, before=before)
+    found = service.clouds.page(caller.tenant, limit=limit + 1, before=before)
     more = encode_cursor(found[limit - 1]) if len(found) > limit else None
     return CloudPage(items=[_document(cloud) for cloud in found[:limit]], next_cursor=more)
 
@@ -83,13 +83,13 @@ def list_page(
 @router.get("/{cloud_id}", operation_id="getCloud", summary="Look at a cloud")
 def get(cloud_id: CloudId, service: CurrentService, caller: CurrentCaller) -> Cloud:
     """What is known of it."""
-    return _document(service.clouds.store.get(caller.tenant, cloud_id))
+    return _document(service.clouds.get(caller.tenant, cloud_id))
 
 
 @router.delete("/{cloud_id}", operation_id="deleteCloud", summary="Remove a cloud", status_code=204)
 def delete(cloud_id: CloudId, service: CurrentService, caller: CurrentCaller) -> None:
     """Registrations that were given it keep it until they have ended."""
-    service.clouds.store.remove(caller.tenant, cloud_id)
+    service.clouds.remove(caller.tenant, cloud_id)
 
 
 def _document(cloud: StoredCloud) -> Cloud:

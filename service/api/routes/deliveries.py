@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 
 from service.api.dependencies import CurrentService, KnownJob
-from service.webhooks import outbox as deliveries
 from service.problems import NoDeliveryError
 from service.schemas import Delivery, DeliveryList, Try
+from service.webhooks import outbox as deliveries
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 

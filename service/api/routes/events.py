@@ -13,10 +13,10 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import CurrentService, KnownJob
-from service.jobs.model import JobEvent, is_terminal
-from service.schemas.options import EXACT
-from service.schemas import Event
 from service.api.long_poll import look_every_s
+from service.jobs.model import JobEvent, is_terminal
+from service.schemas import Event
+from service.schemas.options import EXACT
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 

@@ -12,7 +12,6 @@ from fastapi import APIRouter, Query, Response
 from pydantic import BeforeValidator
 from starlette.concurrency import run_in_threadpool
 
-from service.core import Service
 from service.api.dependencies import (
     CurrentCaller,
     CurrentService,
@@ -22,15 +21,17 @@ from service.api.dependencies import (
     PreferredWait,
     known,
 )
-from service.schemas.serialize_job import CURSOR, decode_cursor, document, encode_cursor, summary
 from service.api.error_handlers import ProblemResponse
-from service.jobs.accept import Idempotency
-from service.jobs.model import JobRow, JobStatus, is_terminal
-from service.jobs.listing import Filter
-from service.jobs.fingerprint import work_key
-from service.schemas import Job, JobPage, RegistrationRequest
-from service.api.submission import Submission
 from service.api.long_poll import settled
+from service.api.submission import Submission
+from service.database.pagination import CURSOR, decode_cursor, encode_cursor
+from service.jobs.accept import Idempotency
+from service.jobs.fingerprint import work_key
+from service.jobs.listing import Filter
+from service.jobs.model import JobRow, JobStatus, is_terminal
+from service.runtime import Service
+from service.schemas import Job, JobPage, RegistrationRequest
+from service.schemas.serialize_job import document, summary
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 

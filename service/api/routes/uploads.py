@@ -15,8 +15,8 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.admission import admit
 from service.api.body import limited
-from service.core import Service
 from service.api.dependencies import CurrentCaller, CurrentService, DeclaredFormat, identify
+from service.clouds.uploads import Upload
 from service.problems import (
     BodyTooLargeError,
     MalformedBodyError,
@@ -24,7 +24,7 @@ from service.problems import (
     TusVersionError,
     UnsupportedContentTypeError,
 )
-from service.clouds.uploads import Upload
+from service.runtime import Service
 
 TUS_VERSION = "1.0.0"
 EXTENSIONS = "creation,expiration,termination"
@@ -94,7 +94,7 @@ def create(
         raise BodyTooLargeError(f"It exceeds the {service.settings.max_body_bytes} bytes allowed.")
     admit(service, caller, upload_length)
     try:
-        upload = service.clouds.uploads.create(caller.tenant, upload_length, format)
+        upload = service.uploads.create(caller.tenant, upload_length, format)
     finally:
         service.shares.release(caller, upload_length)
     return _answer(201, {"Location": f"{router.prefix}/{upload.id}", **_expiry(upload)})
@@ -110,7 +110,7 @@ def create(
 )
 def look(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
     """In the headers Upload-Offset and Upload-Length."""
-    upload = service.clouds.uploads.get(caller.tenant, upload_id)
+    upload = service.uploads.get(caller.tenant, upload_id)
     return _answer(200, {**_state(upload, service), "Upload-Length": str(upload.length)})
 
 
@@ -133,8 +133,8 @@ async def append(
     """What arrives before a cut stays; ask with HEAD where to go on."""
     if request.headers.get("content-type") != PIECE:
         raise UnsupportedContentTypeError(f"A piece is sent as {PIECE}.")
-    upload = await run_in_threadpool(service.clouds.uploads.get, caller.tenant, upload_id)
-    with service.clouds.uploads.appending(upload, upload_offset) as file:
+    upload = await run_in_threadpool(service.uploads.get, caller.tenant, upload_id)
+    with service.uploads.appending(upload, upload_offset) as file:
         await _receive(request, file, upload.length - upload_offset)
     upload = await run_in_threadpool(_after_piece, service, upload)
     return _answer(204, _state(upload, service))
@@ -151,7 +151,7 @@ async def append(
 )
 def delete(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
     """Drops what has arrived; a cloud that it has become stays."""
-    service.clouds.uploads.remove(service.clouds.uploads.get(caller.tenant, upload_id))
+    service.uploads.remove(service.uploads.get(caller.tenant, upload_id))
     return _answer(204, {})
 
 
@@ -168,19 +168,19 @@ async def _receive(request: Request, file: BinaryIO, room: int) -> None:
 
 def _after_piece(service: Service, upload: Upload) -> Upload:
     """Turn a complete upload into a cloud; one that is no cloud is dropped."""
-    complete = service.clouds.uploads.offset(upload) == upload.length
+    complete = service.uploads.offset(upload) == upload.length
     if complete:
-        blob = service.blobs.adopt(service.clouds.uploads.path(upload))
+        blob = service.blobs.adopt(service.uploads.path(upload))
         try:
-            service.clouds.store.put(upload.tenant, upload.id, blob, upload.format)
+            service.clouds.put(upload.tenant, upload.id, blob, upload.format)
         except (ServiceError, ValueError):
-            service.clouds.uploads.remove(upload)
+            service.uploads.remove(upload)
             raise
-    return service.clouds.uploads.extend(upload, complete=complete)
+    return service.uploads.extend(upload, complete=complete)
 
 
 def _state(upload: Upload, service: Service) -> dict[str, str]:
-    return {"Upload-Offset": str(service.clouds.uploads.offset(upload)), **_expiry(upload)}
+    return {"Upload-Offset": str(service.uploads.offset(upload)), **_expiry(upload)}
 
 
 def _expiry(upload: Upload) -> dict[str, str]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.mesh import text as mesh_text
 from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
+from service.formats.mesh import text as mesh_text
 from service.formats.mesh.gltf import check_gltf
 
 SEED = 0  # of the surface samples: the same file gives the same points

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.column_names import find_normals, find_xyz
 from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.memory_map import mapped
-from service.formats.column_names import find_normals, find_xyz
 from service.formats.pcd.header import Header, parse_header
 from service.formats.text_table import ends_with_newline, read_columns
 

@@ -18,6 +18,8 @@ MAX_OPEN_FILES = 256
 MAX_FILE_BYTES = 64 * 2**30
 AUTOGROUP = "/proc/self/autogroup"
 
+_forkserver_pid: int | None = None
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -27,6 +29,25 @@ class Limits:
     """Address space in bytes."""
     cpu_s: int
     """Processor seconds, all threads together; the wall clock is watched from outside."""
+
+
+def remember_forkserver() -> None:
+    """Record that this process is the forkserver; the children that it forks inherit the record."""
+    global _forkserver_pid
+    _forkserver_pid = os.getpid()
+
+
+def forkserver_pid() -> int:
+    """Return the process id of the forkserver that this process was forked from.
+
+    Raises
+    ------
+    RuntimeError
+        This process was not forked from a forkserver.
+    """
+    if _forkserver_pid is None:
+        raise RuntimeError("this process was not forked from the forkserver")
+    return _forkserver_pid
 
 
 def die_with_parent(parent: int) -> None:

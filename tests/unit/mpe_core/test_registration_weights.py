@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.paper.algorithm1 import EPS, descend
 from mpe_core.geometry.nearest import Neighbours
-from mpe_core.paper.force_field import ExactField, TreeField
-from mpe_core.paper.trimmed_icp import LEAST_OVERLAP, trimmed_count, trimmed_icp
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.geometry.sampling import random_rows
+from mpe_core.paper.algorithm1 import EPS, descend
 from mpe_core.paper.barnes_hut_tree import tree_order
+from mpe_core.paper.force_field import ExactField, TreeField
+from mpe_core.paper.trimmed_icp import LEAST_OVERLAP, trimmed_count, trimmed_icp
 from tests.factories.checks import assert_pose_close, pose_error
 from tests.factories.clouds import Trial, bunny, with_passer
 

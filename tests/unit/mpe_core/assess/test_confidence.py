@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.clouds.normalize import radius
 from mpe_core.assess.confidence import LIKE_SIZES, Evidence
+from mpe_core.clouds.normalize import radius
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.factories.checks import assert_pose_close, pose_error
 from tests.factories.clouds import real_pair

@@ -4,8 +4,9 @@ import numba
 import numpy as np
 import pytest
 
-from mpe_core.paper.force_field import ExactField, p2_energy, traction
+from mpe_core.assess.energy import p2_energy
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
+from mpe_core.paper.force_field import ExactField, traction
 
 
 def force_twin(x, y, eps, masses):

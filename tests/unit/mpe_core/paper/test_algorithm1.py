@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from mpe_core.paper.algorithm1 import EPS, LAST_TURN, descend
 from mpe_core.paper.force_field import ExactField
-from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import bunny
 

@@ -8,8 +8,8 @@ import pytest
 
 from mpe_core import InvalidOptionsError, RegistrationOptions, register
 from mpe_core.kernels.tree_sum import GROUP
-from mpe_core.paper.force_field import ExactField, TreeField
 from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
+from mpe_core.paper.force_field import ExactField, TreeField
 from tests.factories.checks import pose_error
 from tests.factories.clouds import bunny, knot, moved, real_pair
 

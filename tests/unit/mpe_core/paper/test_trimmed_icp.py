@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.assess.inliers import inlier_threshold
+from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.nearest import Neighbours
-from mpe_core.paper.trimmed_icp import trimmed_count, trimmed_icp
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.paper.trimmed_icp import trimmed_count, trimmed_icp
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import bunny, points_of, real_pair
 

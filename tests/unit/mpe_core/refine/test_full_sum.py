@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mpe_core.kernels.potential_moments import potential_moments
-from mpe_core.refine.full_sum import _Expansion, descend_potential
 from mpe_core.geometry.rigid import axis_rotation, pose, rotation_error
+from mpe_core.kernels.potential_moments import potential_moments
+from mpe_core.refine.full_sum import PotentialExpansion, descend_potential
 from tests.factories.clouds import bunny, knot, moved
 
 
@@ -32,11 +32,13 @@ def test_moments_are_the_plain_sums():
 def test_gradient_and_hessian_are_those_of_the_energy():
     rng = np.random.default_rng(2)
     x, y = knot(60, rng).astype(np.float32), knot(80, rng).T.astype(np.float32).copy()
-    here = _Expansion(x, y, pose(axis_rotation(np.array([1.0, 2, 3]), 0.2), np.full(3, 0.1)), 0.3)
+    here = PotentialExpansion(
+        x, y, pose(axis_rotation(np.array([1.0, 2, 3]), 0.2), np.full(3, 0.1)), 0.3
+    )
     h = 0.02
 
     def energy(step):
-        return _Expansion(x, y, here.moved(step), 0.3).energy
+        return PotentialExpansion(x, y, here.moved(step), 0.3).energy
 
     for k in range(6):
         e = h * np.eye(6)[k]

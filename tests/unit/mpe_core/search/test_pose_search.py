@@ -6,17 +6,17 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.search.nearest_lattice import nearest_field
-from mpe_core.search.pose_search import AGREEMENT, QUICK, bin_directions, distinct, find_poses
-from mpe_core.kernels.farthest_point import farthest_order
-from mpe_core.kernels.translation_votes import best_translations, direction_bin
-from mpe_core.kernels.energy_descent import descend
-from mpe_core.search.pose_prior import Knowledge
+from mpe_core.clouds.preprocess import scan
+from mpe_core.clouds.surface import surface
 from mpe_core.geometry.rigid import apply, pose, rotation_error
 from mpe_core.geometry.rotations import even_rotations
 from mpe_core.geometry.sampling import weighted_rows
-from mpe_core.clouds.preprocess import scan
-from mpe_core.clouds.surface import surface
+from mpe_core.kernels.energy_descent import descend
+from mpe_core.kernels.farthest_point import farthest_order
+from mpe_core.kernels.translation_votes import best_translations, direction_bin
+from mpe_core.search.nearest_lattice import nearest_field
+from mpe_core.search.pose_prior import Knowledge
+from mpe_core.search.pose_search import AGREEMENT, QUICK, bin_directions, distinct, find_poses
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import bunny, moved, real_pair
 

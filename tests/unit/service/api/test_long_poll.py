@@ -13,13 +13,13 @@ import pytest
 
 from mpe_core import RegistrationOptions
 from service.api import long_poll as waiting
-from service.core import Service
-from service.jobs.notifier import Changes
-from service.jobs.model import CloudInput, JobRow
 from service.auth.keys import DEFAULT_TENANT
-from service.telemetry.metrics import Metrics
-from service.runtime import running_service
+from service.clouds.inputs import CloudInput
+from service.jobs.model import JobRow
+from service.jobs.notifier import Changes
+from service.runtime import Service, running_service
 from service.settings import Settings
+from service.telemetry.metrics import Metrics
 from tests.factories.clouds import knot
 
 PATIENCE_S = 240.0

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from service.auth.bind_check import OpenToStrangersError, check_binding, is_loopback
 from service.auth.authenticator import LOCAL, Caller, Gate
-from service.database.engine import Database, open_database
+from service.auth.bind_check import OpenToStrangersError, check_binding, is_loopback
 from service.auth.keys import KeyStore, Limits, parted
-from service.problems import RateLimitedError, UnauthorizedError
 from service.auth.rate_limit import RateLimit
+from service.database.engine import Database, open_database
+from service.problems import RateLimitedError, UnauthorizedError
 from service.settings import Settings
 
 

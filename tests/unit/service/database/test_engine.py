@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from service.auth.keys import KeyStore, Limits, parted
 from service.clouds.store import CloudStore
+from service.clouds.uploads import UploadStore
 from service.database.engine import Database
 from service.jobs.listing import Filter
 from service.jobs.retention import drop_expired, needed_blobs, stored_bytes
-from service.auth.keys import KeyStore, Limits, parted
 from service.problems import InvalidRequestError, UnknownCloudError, UnknownUploadError
 from service.storage.blobs import BlobStore
-from service.clouds.uploads import UploadStore
 from tests.unit.service.jobs.test_store import CLOUD, OUTCOME, add, claimed, open_store
 
 XYZ = b"0 0 0\n1 0 0\n0 1 0\n"

@@ -25,10 +25,10 @@ from sqlalchemy import (
 )
 
 from service.database.engine import Database
-from service.jobs.model import Retention
 from service.database.migrate import STEPS, migrate
-from service.jobs.store import JobStore
 from service.database.tables import metadata
+from service.jobs.model import Retention
+from service.jobs.store import JobStore
 
 NEXT = """
 from alembic import op

@@ -11,13 +11,14 @@ from uuid import uuid4
 import pytest
 from sqlalchemy import update
 
+from service.clouds.inputs import CloudInput
 from service.database.engine import Database
+from service.database.tables import jobs
 from service.jobs.accept import Idempotency
-from service.jobs.model import CloudInput, JobRow, Outcome, Retention
 from service.jobs.listing import Filter
+from service.jobs.model import JobRow, Outcome, Retention
 from service.jobs.retention import drop_expired, needed_blobs
 from service.jobs.store import MAX_LOST_ATTEMPTS, JobStore
-from service.database.tables import jobs
 from service.problems import IdempotencyMismatchError, QueueFullError
 
 CLOUD = CloudInput(sha256="ab", size=1)

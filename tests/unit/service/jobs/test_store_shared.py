@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from service.webhooks import outbox as deliveries
 from service.database.engine import Database
-from service.webhooks.outbox import DeliveryStore
 from service.jobs.accept import Idempotency
-from service.storage.scratch import discard_scratch, scratch_of
 from service.jobs.store import JobStore
 from service.problems import QueueFullError
+from service.storage.scratch import discard_scratch, scratch_of
+from service.webhooks import outbox as deliveries
+from service.webhooks.outbox import DeliveryStore
 from tests.unit.service.jobs.test_store import LEASE_S, add, claimed, new_job, open_store
 
 Stores = tuple[JobStore, JobStore]
@@ -105,7 +105,7 @@ def test_scratch_of_what_runs_is_kept(stores: Stores, tmp_path: Path) -> None:
     add(stores[0]), add(stores[0])
     runs, ended = claimed(stores[0]), claimed(stores[1])
     for job in (runs, ended):
-        scratch_of(tmp_path, job).mkdir(parents=True)
+        scratch_of(tmp_path, job.id, job.attempt).mkdir(parents=True)
     stores[1].fail(ended, {"detail": "x"}, {})
     discard_scratch(tmp_path, stores[1].running)
-    assert list((tmp_path / "scratch").iterdir()) == [scratch_of(tmp_path, runs)]
+    assert list((tmp_path / "scratch").iterdir()) == [scratch_of(tmp_path, runs.id, runs.attempt)]

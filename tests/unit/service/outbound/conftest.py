@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from service.outbound.client import Door
+from service.outbound.deadline import TimeBounds
 from service.outbound.download import Download
 from service.outbound.http_cache import KnownFiles
 from service.outbound.url_policy import Rules
-from service.outbound.deadline import TimeBounds
 from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
 from tests.factories.web import OPEN, Names, Web, serving

@@ -20,8 +20,8 @@ from service.problems import (
     FetchUnreachableError,
 )
 from service.storage.blobs import BlobStore
-from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
+from tests.unit.service.outbound.conftest import Fetch
 
 SECRET = "X-Amz-Signature=0123456789abcdef"
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

@@ -9,8 +9,8 @@ import pytest
 from service.outbound.http_cache import forget_removed
 from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.storage.blobs import BlobStore
-from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import CONTENT, Handler, Names, Web
+from tests.unit.service.outbound.conftest import Fetch
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 THEN, NOW = "Mon, 02 Nov 2026 10:00:00 GMT", "Sun, 22 Nov 2026 10:00:00 GMT"

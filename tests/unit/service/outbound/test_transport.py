@@ -9,8 +9,8 @@ import pytest
 import trustme
 
 from service.problems import AddressRefusedError, FetchTlsError
-from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import CONTENT, Web, serving
+from tests.unit.service.outbound.conftest import Fetch
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 

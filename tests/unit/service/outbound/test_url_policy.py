@@ -10,8 +10,8 @@ from service.outbound.ip_policy import METADATA
 from service.outbound.url_policy import Rules, check_url
 from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
-from tests.unit.service.outbound.conftest import Fetch
 from tests.factories.web import OPEN, Names, Web, serving
+from tests.unit.service.outbound.conftest import Fetch
 
 MISSPELT = [
     "",

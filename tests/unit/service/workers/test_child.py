@@ -11,7 +11,7 @@ import pytest
 
 from tests.factories.waiting import until
 
-PROJECT = Path(__file__).parent.parent.parent
+PROJECT = Path(__file__).parents[4]
 
 OUTLIVES_ITS_STARTER = """
 import threading

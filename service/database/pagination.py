@@ -1,0 +1,47 @@
+"""Keyset pagination: pages of rows, newest first, each beginning where the last one ended."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from sqlalchemy import Select, Table, and_, or_, select
+
+Place = tuple[float, str]
+"""created_at and id of a row: where a page ends."""
+
+CURSOR = r"^[0-9]{1,12}\.[0-9]{9}_[A-Za-z0-9._-]{1,64}$"
+"""Pattern of a cursor."""
+
+
+class Paged(Protocol):
+    """A row that has a place in its list."""
+
+    @property
+    def created_at(self) -> float:
+        """Seconds since the epoch."""
+
+    @property
+    def id(self) -> str:
+        """Breaks ties between rows made at the same time."""
+
+
+def select_page(table: Table, *, before: Place | None, limit: int) -> Select[Any]:
+    """Select up to `limit` rows of the table, newest first, after the place `before`."""
+    created, key = table.c.created_at, table.c.id
+    query = select(table).order_by(created.desc(), key.desc()).limit(limit)
+    if before is None:
+        return query
+    created_at, row_id = before
+    same_time = and_(created == created_at, key < row_id)
+    return query.where(or_(created < created_at, same_time))
+
+
+def encode_cursor(item: Paged) -> str:
+    """Return the cursor of the item's place; it matches CURSOR."""
+    return f"{item.created_at:.9f}_{item.id}"
+
+
+def decode_cursor(cursor: str) -> Place:
+    """Return the place that a cursor names."""
+    created_at, _, item_id = cursor.partition("_")
+    return float(created_at), item_id
