@@ -18,12 +18,12 @@ from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
-from mpe_core.clouds.normalize import Pair as Centred
+from mpe_core.clouds.normalize import CloudPair as Centred
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.clouds.preprocess import scan
-from mpe_core.evaluator import Alignment
+from mpe_core.evaluator import PoseEvaluator
 from mpe_core.geometry.rigid import apply
-from mpe_core.search.pose_prior import Knowledge
+from mpe_core.search.pose_prior import PosePrior
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, Pair, moved, real_trial
 
@@ -75,11 +75,13 @@ def _judged(source: Array, target: Array, found: Registration) -> Result:
     }
 
 
-def alignment_of(source: Array, target: Array) -> tuple[Centred, Alignment]:
+def alignment_of(source: Array, target: Array) -> tuple[Centred, PoseEvaluator]:
     """The centred clouds, and what `register` with its defaults makes of them."""
     pair = as_pair(as_points(source), as_points(target))
     options = RegistrationOptions()
-    return pair, Alignment(scan(pair.source), scan(pair.target), Knowledge(), options, pair.larger)
+    return pair, PoseEvaluator(
+        scan(pair.source), scan(pair.target), PosePrior(), options, pair.larger
+    )
 
 
 def _shape(shape: Callable[[np.random.Generator], Array]) -> Result:

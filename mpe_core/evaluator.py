@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from mpe_core.assess.confidence import LIKE_SIZES, Evidence, evidence, sharp_distance
 from mpe_core.assess.covariance import (
     PROBED_POINTS,
-    Uncertainty,
-    free_count,
+    PoseUncertainty,
+    count_degenerate,
     potential_uncertainty,
     surface_information,
     uncertainty,
 )
-from mpe_core.clouds.preprocess import Sample, Scan
+from mpe_core.clouds.preprocess import PreparedCloud, Sample
 from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
 from mpe_core.geometry.rigid import apply, inverse
@@ -31,9 +31,9 @@ from mpe_core.refine.point_to_plane import (
     point_to_plane,
     spread,
 )
-from mpe_core.search.nearest_lattice import NearestField, nearest_field
-from mpe_core.search.pose_prior import Knowledge
-from mpe_core.search.pose_search import Candidates, Effort, find_poses
+from mpe_core.search.nearest_lattice import NearestLattice, nearest_lattice
+from mpe_core.search.pose_prior import PosePrior
+from mpe_core.search.pose_search import Candidates, SearchLevel, find_poses
 
 Pose = NDArray[np.float64]
 
@@ -60,25 +60,25 @@ of 2.6; 9,000 outliers at least 0.115, and 0.14 degrees instead of 2.6."""
 
 MOST_POLISHED, SHORT = 8, 10
 """Candidates that are polished fully, and steps of the short polish that chooses them: of the 42
-pairs of `EFFORTS` it chooses 25 right out of 48, and all 48 polished fully give 25, too."""
+pairs of `SEARCH_LEVELS` it chooses 25 right out of 48, and all 48 polished fully give 25, too."""
 
 
 @dataclass(frozen=True, slots=True)
-class Aligned:
+class ScoredPose:
     """A polished pose with what speaks for it."""
 
     polished: Minimum
     evidence: Evidence
 
 
-class Alignment:
+class PoseEvaluator:
     """Source and target prepared for polishing and judging any number of poses."""
 
     def __init__(
         self,
-        source: Scan,
-        target: Scan,
-        knowledge: Knowledge,
+        source: PreparedCloud,
+        target: PreparedCloud,
+        knowledge: PosePrior,
         options: RegistrationOptions,
         larger: float = 1.0,
     ) -> None:
@@ -102,7 +102,7 @@ class Alignment:
         self._smooth_sample: Sample | None = None
         self._spacing = max(source.surface.spacing, target.surface.spacing)
         self._sharp = sharp_distance(self._spacing, rough)
-        self._field: NearestField | None = None
+        self._field: NearestLattice | None = None
 
     def judge(self, T: Pose) -> Evidence:
         """What speaks for a pose."""
@@ -110,7 +110,7 @@ class Alignment:
         found = self._evidence(self._sample, there)
         if self._larger <= LIKE_SIZES:
             return found
-        return replace(found, free=free_count(self._information(there)))
+        return replace(found, free=count_degenerate(self._information(there)))
 
     def _evidence(self, sample: Sample, T: Pose) -> Evidence:
         overlap = self._options.overlap or 1.0
@@ -141,11 +141,11 @@ class Alignment:
         moved = apply(self._oriented(T), self._sample.points).astype(np.float32)
         return np.sqrt(self._planes.cells.nearest(moved)[1].astype(np.float64))
 
-    def polish(self, T: Pose) -> Aligned:
+    def polish(self, T: Pose) -> ScoredPose:
         """The minimum next to a coarse pose."""
         T = self._knowledge.level(T)
         polished = self._polish_full_sum(T) if self._full_sum else self._polish_planes(T)
-        return Aligned(polished, self.judge(polished.T))
+        return ScoredPose(polished, self.judge(polished.T))
 
     def _polish_planes(self, T: Pose) -> Minimum:
         planes, most = self._planes, self._options.max_iterations
@@ -184,7 +184,7 @@ class Alignment:
         own_normals = self._own_planes(probe).normals
         return surface_information(probe, own_normals, self._planes, T, self._motions)
 
-    def uncertainty(self, polished: Minimum) -> Uncertainty:
+    def uncertainty(self, polished: Minimum) -> PoseUncertainty:
         """Of a polished pose, about the source's centroid and in radii."""
         T = polished.T
         if self._full_sum and not polished.is_planar:
@@ -217,10 +217,10 @@ class Alignment:
     def _coarse(self) -> tuple[Points, Points]:
         return self.source.coarse(POTENTIAL_POINTS), self.target.coarse(POTENTIAL_POINTS)
 
-    def search(self, effort: Effort, report: Callable[[float], None]) -> Candidates:
+    def search(self, effort: SearchLevel, report: Callable[[float], None]) -> Candidates:
         """Candidate poses, best first."""
         if self._field is None:
-            self._field = nearest_field(self.target.surface)
+            self._field = nearest_lattice(self.target.surface)
         return find_poses(
             self.source.surface, self._field, effort, self._knowledge, self._options.seed, report
         )

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpe_core.evaluator import Aligned, Alignment
+from mpe_core.evaluator import PoseEvaluator, ScoredPose
 from mpe_core.progress import Progress
-from mpe_core.search.pose_search import EFFORTS, Effort, distinct
+from mpe_core.search.pose_search import SEARCH_LEVELS, SearchLevel, distinct
 
 RIVAL = 0.7
 """Candidates that score at least this share of the best are polished and compared."""
@@ -18,11 +18,11 @@ AS_SHARP, AS_ON = 0.08, 0.05
 sharpness, on streets by 0.08 to 0.11 and by 0.2 in the share that lies on the target."""
 
 
-def align(alignment: Alignment, progress: Progress) -> list[Aligned]:
+def align(alignment: PoseEvaluator, progress: Progress) -> list[ScoredPose]:
     """The pose with the best evidence, then those that have as much of it; a wider search follows
     one that does not convince."""
-    found: list[Aligned] = []
-    for effort in EFFORTS:
+    found: list[ScoredPose] = []
+    for effort in SEARCH_LEVELS:
         with progress.stage("search") as report:
             candidates = alignment.search(effort, report)
         with progress.stage("refine") as report:
@@ -37,7 +37,7 @@ def align(alignment: Alignment, progress: Progress) -> list[Aligned]:
     return _equals(sorted(found, key=lambda pose: pose.evidence.rank, reverse=True))
 
 
-def _equals(found: list[Aligned]) -> list[Aligned]:
+def _equals(found: list[ScoredPose]) -> list[ScoredPose]:
     """The first of the poses, and those that differ from it with as much evidence."""
     best = found[0].evidence
     poses = np.array([pose.polished.T for pose in found])
@@ -53,5 +53,5 @@ def _equals(found: list[Aligned]) -> list[Aligned]:
     ]
 
 
-def _enough(found: list[Aligned], effort: Effort) -> bool:
+def _enough(found: list[ScoredPose], effort: SearchLevel) -> bool:
     return any(pose.evidence.confidence >= effort.enough for pose in found)

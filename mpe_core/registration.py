@@ -6,25 +6,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mpe_core.assess.confidence import Evidence
-from mpe_core.assess.covariance import Uncertainty
+from mpe_core.assess.covariance import PoseUncertainty
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import inlier_threshold
-from mpe_core.clouds.normalize import Cloud, Pair, as_pair, as_points, radius
-from mpe_core.clouds.preprocess import Scan, scan
+from mpe_core.clouds.normalize import Cloud, CloudPair, as_pair, as_points, radius
+from mpe_core.clouds.preprocess import PreparedCloud, scan
 from mpe_core.clouds.surface import VOXEL
 from mpe_core.clouds.unit_check import unit_mismatch
 from mpe_core.errors import InvalidOptionsError
-from mpe_core.evaluator import Aligned, Alignment
+from mpe_core.evaluator import PoseEvaluator, ScoredPose
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.geometry.rigid import apply
 from mpe_core.kernels.point_rows import row_distances
 from mpe_core.options import RegistrationOptions
-from mpe_core.paper.methods import as_printed
+from mpe_core.paper.methods import run_paper_method
 from mpe_core.pipeline import align
 from mpe_core.progress import Progress, Report
 from mpe_core.refine.minimum import Minimum
 from mpe_core.result import Inliers, Registration
-from mpe_core.search.pose_prior import Knowledge
+from mpe_core.search.pose_prior import PosePrior
 
 LEAST_VOXEL, MOST_VOXEL = 1e-3, 0.2
 """Finest and coarsest thinning, in radii of the smaller cloud; a sphere of radius 1 keeps some 300
@@ -68,7 +68,7 @@ def register(
         report(0.3)
         scans = _scans(x, y, pair, options)
         report(0.8)
-        alignment = Alignment(*scans, Knowledge.of(options, pair), options, pair.larger)
+        alignment = PoseEvaluator(*scans, PosePrior.of(options, pair), options, pair.larger)
     best, *others = _aligned(alignment, x, y, pair, options, progress)
     polished, trust = best.polished, best.evidence
     with progress.stage("refine"):
@@ -96,7 +96,9 @@ def register(
     )
 
 
-def _scans(x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions) -> tuple[Scan, Scan]:
+def _scans(
+    x: Cloud, y: Cloud, pair: CloudPair, options: RegistrationOptions
+) -> tuple[PreparedCloud, PreparedCloud]:
     """Both clouds thinned, without the points of weight 0."""
     voxel = VOXEL if options.voxel_size is None else options.voxel_size / pair.unit
     if not LEAST_VOXEL <= voxel <= MOST_VOXEL:
@@ -118,27 +120,27 @@ def _scans(x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions) -> tupl
 
 
 def _aligned(
-    alignment: Alignment,
+    alignment: PoseEvaluator,
     x: Cloud,
     y: Cloud,
-    pair: Pair,
+    pair: CloudPair,
     options: RegistrationOptions,
     progress: Progress,
-) -> list[Aligned]:
+) -> list[ScoredPose]:
     """The pose, then those that fit as well."""
     if options.method == "mpl" and options.search == "global":
         return align(alignment, progress)
-    printed = as_printed(x, y, pair, options, progress)
-    return [Aligned(printed, alignment.judge(printed.T))]
+    printed = run_paper_method(x, y, pair, options, progress)
+    return [ScoredPose(printed, alignment.judge(printed.T))]
 
 
-def _in_caller_frames(pair: Pair, found: list[Aligned]) -> NDArray[np.float64]:
+def _in_caller_frames(pair: CloudPair, found: list[ScoredPose]) -> NDArray[np.float64]:
     """(K, 4, 4) the poses between the caller's clouds."""
     return np.array([pair.to_caller(pose.polished.T) for pose in found]).reshape(-1, 4, 4)
 
 
 def _inliers(
-    source: Cloud, target: Cloud, pair: Pair, T: NDArray[np.float64], threshold: float
+    source: Cloud, target: Cloud, pair: CloudPair, T: NDArray[np.float64], threshold: float
 ) -> Inliers:
     """Source points whose nearest target point is within the threshold (caller's unit)."""
     moved = apply(T, pair.source)
@@ -152,12 +154,12 @@ def _inliers(
 def _warnings(
     source: Cloud,
     target: Cloud,
-    pair: Pair,
+    pair: CloudPair,
     polished: Minimum,
     inliers: int,
     trust: Evidence,
     rivals: int,
-    known: Uncertainty,
+    known: PoseUncertainty,
 ) -> tuple[str, ...]:
     texts = [
         f"{cloud.dropped} rows of the {name} were left out: NaN or infinity"

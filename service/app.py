@@ -9,9 +9,9 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from service.api.error_handlers import register_error_handlers
-from service.api.middleware.drain_body import LingeringClose
-from service.api.middleware.request_log import Access
-from service.api.middleware.security_headers import CORS, SecurityHeaders
+from service.api.middleware.drain_body import DrainBodyMiddleware
+from service.api.middleware.request_log import RequestLogMiddleware
+from service.api.middleware.security_headers import CORS, SecurityHeadersMiddleware
 from service.api.openapi import describe
 from service.api.routes import (
     aligned,
@@ -40,11 +40,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             yield
 
     app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
-    app.add_middleware(LingeringClose)
+    app.add_middleware(DrainBodyMiddleware)
     if settings.cors_origins:
         app.add_middleware(CORSMiddleware, allow_origins=settings.cors_origins, **CORS)
-    app.add_middleware(SecurityHeaders)
-    app.add_middleware(Access, metrics=metrics)
+    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(RequestLogMiddleware, metrics=metrics)
     register_error_handlers(app, metrics)
     for module in (
         registrations,

@@ -10,61 +10,61 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from service.auth.authenticator import Gate
+from service.auth.authenticator import Authenticator
 from service.auth.keys import KeyStore
-from service.auth.quotas import Shares
-from service.auth.rate_limit import RateLimit
+from service.auth.quotas import StorageQuota
+from service.auth.rate_limit import RateLimiter
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database, open_database
-from service.jobs.idempotency import KeysInFlight
+from service.jobs.idempotency import InFlightKeys
 from service.jobs.model import Retention
-from service.jobs.notifier import Changes
+from service.jobs.notifier import JobNotifier
 from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
 from service.jobs.store import JobStore
-from service.outbound import forget_removed
+from service.outbound import prune_http_cache
 from service.settings import Settings
 from service.storage.blobs import BlobStore
-from service.storage.decoded_cache import PreparedClouds
+from service.storage.decoded_cache import DecodedCache
 from service.storage.scratch import discard_scratch
 from service.telemetry.metrics import Metrics
 from service.telemetry.recorder import Telemetry
 from service.telemetry.tracing import Tracing
-from service.webhooks.outbox import DeliveryStore
-from service.webhooks.sender import Webhooks
+from service.webhooks.outbox import Outbox
+from service.webhooks.sender import WebhookSender
 from service.workers.maintenance import Maintenance, Task
-from service.workers.pool import Queue
+from service.workers.pool import WorkerPool
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
+class Runtime:
     """What the routes work with."""
 
     settings: Settings
     database: Database
     blobs: BlobStore
     store: JobStore
-    queue: Queue
-    changes: Changes
-    deliveries: DeliveryStore
+    queue: WorkerPool
+    changes: JobNotifier
+    deliveries: Outbox
     clouds: CloudStore
     uploads: UploadStore
     telemetry: Telemetry
-    gate: Gate
-    shares: Shares
-    rate_limit: RateLimit = field(default_factory=RateLimit)
-    keys_in_flight: KeysInFlight = field(default_factory=KeysInFlight)
+    gate: Authenticator
+    shares: StorageQuota
+    rate_limit: RateLimiter = field(default_factory=RateLimiter)
+    keys_in_flight: InFlightKeys = field(default_factory=InFlightKeys)
 
 
 @contextmanager
-def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
+def running_service(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
     """Hold the data directory, open its store, work on its queue; stop in the reverse order."""
     with _owned(settings.data_dir, shared=settings.database_url is not None):
         service = _assemble(settings, metrics)
         service.blobs.discard_incoming()
-        webhooks = Webhooks(service.store, service.deliveries, settings)
+        webhooks = WebhookSender(service.store, service.deliveries, settings)
         maintenance = Maintenance(_maintenance_tasks(service), settings.upkeep_interval_s)
         for part in (service.queue, maintenance, webhooks):
             part.start()
@@ -78,37 +78,37 @@ def running_service(settings: Settings, metrics: Metrics) -> Iterator[Service]:
             service.database.close()
 
 
-def _assemble(settings: Settings, metrics: Metrics) -> Service:
+def _assemble(settings: Settings, metrics: Metrics) -> Runtime:
     blobs = BlobStore(settings.data_dir)
     database = open_database(settings)
     retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
     store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
-    changes = Changes()
+    changes = JobNotifier()
     tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
     telemetry = Telemetry(metrics, tracing)
     metrics.watch(store)
-    return Service(
+    return Runtime(
         settings=settings,
         database=database,
         blobs=blobs,
         store=store,
-        queue=Queue(store, blobs, settings, changes.announce, telemetry.ended),
+        queue=WorkerPool(store, blobs, settings, changes.announce, telemetry.ended),
         changes=changes,
-        deliveries=DeliveryStore(database),
+        deliveries=Outbox(database),
         clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
         uploads=UploadStore(
             database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
         ),
         telemetry=telemetry,
-        gate=Gate(KeyStore(database), settings),
-        shares=Shares(database),
+        gate=Authenticator(KeyStore(database), settings),
+        shares=StorageQuota(database),
     )
 
 
-def _maintenance_tasks(service: Service) -> list[Task]:
+def _maintenance_tasks(service: Runtime) -> list[Task]:
     """Return what is done from time to time, in its order: what has expired keeps no file."""
     settings, database = service.settings, service.database
-    prepared = PreparedClouds(settings.data_dir / "prepared")
+    prepared = DecodedCache(settings.data_dir / "prepared")
 
     def expire_leases() -> None:
         service.store.lose_all("its lease ended", lease_before=time.time())
@@ -132,7 +132,7 @@ def _maintenance_tasks(service: Service) -> list[Task]:
         service.uploads.drop_expired,
         collect_blobs,
         lambda: prepared.collect(referable_blobs(database)),
-        lambda: forget_removed(settings.data_dir, service.blobs),
+        lambda: prune_http_cache(settings.data_dir, service.blobs),
     ]
 
 

@@ -12,7 +12,7 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.auth.bind_check import check_binding
-from service.runtime import Service
+from service.runtime import Runtime
 from service.settings import Settings
 from service.telemetry.json_logs import configure_logs
 
@@ -42,7 +42,7 @@ class DrainingServer(uvicorn.Server):
         threading.Thread(target=self._drain, args=(sig, frame), daemon=True).start()
 
     def _drain(self, sig: int, frame: FrameType | None) -> None:
-        service: Service | None = getattr(self._app.state, "service", None)
+        service: Runtime | None = getattr(self._app.state, "service", None)
         if service is not None:
             service.queue.stop(service.settings.shutdown_grace_s)
             service.changes.announce_stop()

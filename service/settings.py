@@ -37,10 +37,10 @@ def _parts(value: object) -> object:
     return value
 
 
-Listed = (NoDecode, BeforeValidator(_parts))
-Ports = Annotated[tuple[Annotated[int, Field(ge=1, le=65535)], ...], *Listed]
-Networks = Annotated[tuple[IPv4Network | IPv6Network, ...], *Listed]
-Names = Annotated[tuple[str, ...], *Listed]
+CommaSeparated = (NoDecode, BeforeValidator(_parts))
+Ports = Annotated[tuple[Annotated[int, Field(ge=1, le=65535)], ...], *CommaSeparated]
+Networks = Annotated[tuple[IPv4Network | IPv6Network, ...], *CommaSeparated]
+Names = Annotated[tuple[str, ...], *CommaSeparated]
 
 
 class Settings(BaseSettings):

@@ -6,14 +6,14 @@ import numpy as np
 
 from benchmarks.methods.method import Array, Method, version_of
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.paper.trimmed_icp import trimmed_icp
 
 
 def run(source: Array, target: Array) -> Array:
     pair = as_pair(as_points(source), as_points(target))
     found = trimmed_icp(
-        pair.source, Neighbours(pair.target), np.eye(4), None, 200, lambda fraction: None
+        pair.source, NearestNeighbors(pair.target), np.eye(4), None, 200, lambda fraction: None
     )
     return pair.to_caller(found.T_target_source)
 

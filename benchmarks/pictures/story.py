@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.experiment import DATA
 from mpe_core import Registration, RegistrationOptions, registration
-from mpe_core.clouds.normalize import Pair, as_pair, as_points
+from mpe_core.clouds.normalize import CloudPair, as_pair, as_points
 from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.rigid import rotation_error
 from mpe_core.search import pose_search as global_search
@@ -26,7 +26,7 @@ PAIR = "bunny_bun090_bun045"
 class Story:
     """What `register` did with a pair, step by step; poses are between the centred clouds."""
 
-    pair: Pair
+    pair: CloudPair
     R_true: Array
     result: Registration | None = None
     alignment: Any = None

@@ -12,7 +12,7 @@ from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import cross_matrix
 from mpe_core.kernels.energy_descent import move
 from mpe_core.refine.full_sum import PotentialExpansion
-from mpe_core.refine.point_to_plane import Nearest, TargetPlanes, nearest_planes
+from mpe_core.refine.point_to_plane import Correspondences, TargetPlanes, nearest_planes
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ PROBED_POINTS = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertainty:
+class PoseUncertainty:
     """Of a pose T, in small motions exp(rotation vector, translation) T about the fixed frame's
     origin; radians and radii of the smaller cloud."""
 
@@ -42,7 +42,7 @@ class Uncertainty:
     free: Array
     """(K, 6) motions that the surfaces do not resist."""
 
-    def seen_from_target(self, T_target_source: Array) -> Uncertainty:
+    def seen_from_target(self, T_target_source: Array) -> PoseUncertainty:
         """Of the inverse of a pose of the target in the source's frame."""
         R, t = T_target_source[:3, :3], T_target_source[:3, 3]
         adjoint = np.zeros((6, 6))
@@ -50,19 +50,19 @@ class Uncertainty:
         adjoint[3:, :3] = cross_matrix(t) @ R
         return self.through(adjoint)
 
-    def about(self, centre: Array) -> Uncertainty:
+    def about(self, centre: Array) -> PoseUncertainty:
         """Of motions about the centre (3,)."""
         shift = np.eye(6)
         shift[3:, :3] = -cross_matrix(centre)
         return self.through(shift)
 
-    def in_unit(self, unit: float) -> Uncertainty:
+    def in_unit(self, unit: float) -> PoseUncertainty:
         """Of motions whose translation is in the caller's unit, of which 1 radius has `unit`."""
         return self.through(np.diag([1.0] * 3 + [unit] * 3))
 
-    def through(self, change: Array) -> Uncertainty:
+    def through(self, change: Array) -> PoseUncertainty:
         """Of the motions change @ m, change (6, 6)."""
-        return Uncertainty(change @ self.covariance @ change.T, self.free @ change.T)
+        return PoseUncertainty(change @ self.covariance @ change.T, self.free @ change.T)
 
 
 def uncertainty(
@@ -73,7 +73,7 @@ def uncertainty(
     motions: Array,
     *,
     smooth: bool,
-) -> Uncertainty:
+) -> PoseUncertainty:
     """Covariance of the minimum of `point_to_plane`: the sandwich N^-1 B N^-1 of an M-estimator
     (Huber 1967), N the derivative of the gradient, in which points change their planes, and B the
     scatter of the gradient over patches of the surface as wide as a plane (Liang and Zeger 1986):
@@ -85,23 +85,23 @@ def uncertainty(
     return sandwich(N, _scatter(pairs, pulls, float(planes.cells.reach)), information, motions)
 
 
-def free_count(information: Array) -> int:
+def count_degenerate(information: Array) -> int:
     """How many directions are free, by the information on them."""
     return int((np.linalg.eigvalsh(information) < FREE).sum())
 
 
-def sandwich(N: Array, B: Array, information: Array, motions: Array) -> Uncertainty:
+def sandwich(N: Array, B: Array, information: Array, motions: Array) -> PoseUncertainty:
     """N^-1 B N^-1 in the directions that the information (K, K) over the motions (6, K) tells."""
     value, axes = np.linalg.eigh(information)
     free, known = motions @ axes[:, value < FREE], motions @ axes[:, value >= FREE]
     half = np.linalg.solve(known.T @ N @ known, known.T)
     covariance = free @ free.T + half.T @ (known.T @ B @ known) @ half
-    return Uncertainty(covariance, np.ascontiguousarray(free.T))
+    return PoseUncertainty(covariance, np.ascontiguousarray(free.T))
 
 
 def potential_uncertainty(
     source: Points, target: Points, T: Array, eps: float, motions: Array
-) -> Uncertainty:
+) -> PoseUncertainty:
     """Covariance of the minimum of `descend_potential`: the sandwich H^-1 B H^-1, B the scatter of
     the pull over the source's points."""
     here = PotentialExpansion(source, np.ascontiguousarray(target.T), T, eps)
@@ -113,7 +113,7 @@ def potential_uncertainty(
     return found.through(np.diag(unit)).about(-here.centre)
 
 
-def _pulls(pairs: Nearest, cut: float) -> Array:
+def _pulls(pairs: Correspondences, cut: float) -> Array:
     """(N, 6) gradients of the residuals' loss, 0 beyond the cut-off."""
     pull = pairs.weights(cut) * pairs.residuals().astype(np.float64)
     return pull[:, None] * _directions(pairs.moved, pairs.normals)
@@ -146,7 +146,7 @@ def surface_information(
     return information
 
 
-def _scatter(pairs: Nearest, pulls: Array, patch: float) -> Array:
+def _scatter(pairs: Correspondences, pulls: Array, patch: float) -> Array:
     """(6, 6) sum over patches of the outer squares of their sums."""
     cells = CellList(pairs.moved, patch, edge=patch)
     sums = np.add.reduceat(pulls[cells.rows], cells.starts[:-1], axis=0)

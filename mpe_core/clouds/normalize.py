@@ -70,7 +70,7 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class CloudPair:
     """Both clouds, each centred on its own centre of mass, in a common unit of length.
 
     The unit is the smaller of the two radii, so neither stray points nor a large scene around a
@@ -176,7 +176,7 @@ def _as_weights(weights: ArrayLike, count: int, name: str) -> NDArray[np.float64
     return K
 
 
-def as_pair(source: Cloud, target: Cloud) -> Pair:
+def as_pair(source: Cloud, target: Cloud) -> CloudPair:
     """Centre both clouds on their centres of mass and scale them by the smaller radius, that of the
     points that weigh anything."""
     centres = source.centre(), target.centre()
@@ -189,7 +189,7 @@ def as_pair(source: Cloud, target: Cloud) -> Pair:
         offsets(cloud.points, centre, unit)
         for cloud, centre in zip((source, target), centres, strict=True)
     )
-    return Pair(x, y, *centres, unit, large / unit)
+    return CloudPair(x, y, *centres, unit, large / unit)
 
 
 def radius(points: NDArray[np.float64], centre: NDArray[np.float64]) -> float:

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.surface import VOXEL, Surface, facing, surface
-from mpe_core.geometry.cell_list import CellList, Points, thin, thin_weighted
+from mpe_core.geometry.cell_list import (
+    CellList,
+    Points,
+    voxel_downsample,
+    voxel_downsample_weighted,
+)
 from mpe_core.geometry.sampling import proportional_rows
 
 FINE = 1 / 3
@@ -41,7 +46,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Scan:
+class PreparedCloud:
     """One cloud; all lengths in radii of the smaller cloud."""
 
     fine: Points
@@ -87,20 +92,20 @@ def scan(
     voxel: float = VOXEL,
     weights: NDArray[np.float64] | None = None,
     viewpoint: NDArray[np.float64] | None = None,
-) -> Scan:
+) -> PreparedCloud:
     """Thin a centred, scaled cloud (N, 3) and fit its surface; weights (N,) above 0."""
     single = points.astype(np.float32)
     if weights is None:
-        fine, kept = thin(single, FINE * voxel), None
+        fine, kept = voxel_downsample(single, FINE * voxel), None
     else:
-        fine, kept = thin_weighted(single, weights, FINE * voxel)
+        fine, kept = voxel_downsample_weighted(single, weights, FINE * voxel)
     coarse = surface(fine, voxel)
     if kept is not None:
         coarse = replace(coarse, weights=coarse.weights * _at(coarse.points, fine, kept, voxel))
     if viewpoint is not None:
         outward = facing(coarse.points, coarse.normals, viewpoint)
         coarse = replace(coarse, normals=outward, oriented=True)
-    return Scan(fine, kept, coarse, voxel, viewpoint)
+    return PreparedCloud(fine, kept, coarse, voxel, viewpoint)
 
 
 def _at(queries: Points, fine: Points, weights: Points, reach: float) -> Points:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, thin
+from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, voxel_downsample
 
 VOXEL = 0.015
 """Edge of the thinning cubes in radii of the smaller cloud (design study: 1.2-1.5 % keeps all 85
@@ -57,7 +57,7 @@ class Surface:
 
 def surface(points: Points, voxel: float = VOXEL) -> Surface:
     """Thin a cloud (N, 3) to one point a voxel and fit a plane of either sign around each."""
-    sample = thin(points, voxel)
+    sample = voxel_downsample(points, voxel)
     radius, roughness, spacing = _neighbourhood(sample, voxel)
     points = CellList(sample, radius).points
     planes = _planes(points, sample, radius, voxel)
@@ -93,7 +93,7 @@ def _neighbourhood(sample: Points, voxel: float) -> tuple[float, float, float]:
 
 def _planes(queries: Points, sample: Points, radius: float, voxel: float) -> LocalPlanes:
     """Planes through the sample around the queries (N, 3)."""
-    support = sample if radius < SUPPORT * voxel else thin(sample, radius / SUPPORT)
+    support = sample if radius < SUPPORT * voxel else voxel_downsample(sample, radius / SUPPORT)
     return CellList(support, radius).planes(queries)
 
 

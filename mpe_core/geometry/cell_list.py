@@ -42,7 +42,7 @@ def grid(points: Points, size: float) -> tuple[Points, np.float32]:
     return reached.low.astype(np.float32), np.float32(edge)
 
 
-def arranged(
+def bucket_order(
     points: Points, origin: Points, size: np.float32
 ) -> tuple[Points, NDArray[np.int32], NDArray[np.int64]]:
     """Points (N, 3), the row that each came from, and bounds of the buckets in which no cube of the
@@ -55,15 +55,15 @@ def arranged(
     return points, np.arange(len(points), dtype=np.int32), np.array([0, len(points)])
 
 
-def thin(points: Points, size: float) -> Points:
+def voxel_downsample(points: Points, size: float) -> Points:
     """(K, 3) means of the points (N, 3) in each occupied cube of edge `size`."""
     cubes = grid(points, size)
-    ordered, _, bounds = arranged(points, *cubes)
+    ordered, _, bounds = bucket_order(points, *cubes)
     means: Points = means_of_buckets(ordered, bounds, *cubes)
     return means
 
 
-def thin_weighted(
+def voxel_downsample_weighted(
     points: Points, weights: NDArray[np.float64], size: float
 ) -> tuple[Points, Points]:
     """(K, 3) weighted means of the points (N, 3) in each occupied cube of edge `size`, and the mean
@@ -75,7 +75,7 @@ def thin_weighted(
     return means, (total / counts).astype(np.float32)
 
 
-def occupied(points: Points, size: float) -> int:
+def count_occupied(points: Points, size: float) -> int:
     """How many cubes of edge `size` hold any of the points (N, 3)."""
     return len(number_cells(points, *grid(points, size), FEW_CELLS)[3])
 
@@ -109,7 +109,7 @@ class CellList:
         grow for a cloud too wide for cubes of that reach."""
         self._origin, self.reach = grid(points, reach)
         self._edge = max(self.reach, np.float32(EDGE * reach if edge is None else edge))
-        ordered, rows, bounds = arranged(points, self._origin, self._edge)
+        ordered, rows, bounds = bucket_order(points, self._origin, self._edge)
         cells, self.starts, order = cells_of_buckets(ordered, bounds, self._origin, self._edge)
         self._keys, self._slots = table_of(cells)
         self.rows = rows[order]
@@ -132,7 +132,7 @@ class CellList:
     def nearest_given(self, queries: Points) -> NDArray[np.int64]:
         """(N,) rows of the given cloud nearest to queries (N, 3); -1 where nothing is within
         reach."""
-        ordered, order, _ = arranged(queries, self._origin, self._edge)
+        ordered, order, _ = bucket_order(queries, self._origin, self._edge)
         found = np.empty(len(queries), np.int64)
         rows_as_given(self.nearest(ordered)[0], self.rows, order, found)
         return found

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mpe_core.geometry.cell_list import CellList, occupied
+from mpe_core.geometry.cell_list import CellList, count_occupied
 
 
-class Neighbours:
+class NearestNeighbors:
     """k-d tree of a cloud (M, 3), asked on as many threads as numba's kernels use."""
 
     def __init__(self, points: NDArray[np.float64]) -> None:
@@ -55,13 +55,13 @@ def nearest_rows(
     """(N,) rows of the cloud (M, 3) nearest to points (N, 3); -1 where none is within about
     reach."""
     if reach > WIDE_REACH:
-        _, row = Neighbours(cloud).nearest(points, reach)
+        _, row = NearestNeighbors(cloud).nearest(points, reach)
         return np.where(row < len(cloud), row, -1)
     single, queries = cloud.astype(np.float32), points.astype(np.float32)
     within = reach * (1 + 1e-5) + 1e-7
     some = single[:: max(1, len(single) // PROBED)].copy()
     # on a surface the points in a cube go with the square of its edge
-    roomy = PROBE * float(np.sqrt(ROOMY * occupied(some, PROBE) / len(single)))
+    roomy = PROBE * float(np.sqrt(ROOMY * count_occupied(some, PROBE) / len(single)))
     if within <= WIDER * roomy:
         return CellList(single, within, max(within, roomy)).nearest_given(queries)
     nearest = CellList(single, roomy, roomy).nearest_given(queries)

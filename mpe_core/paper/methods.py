@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpe_core.clouds.normalize import Cloud, Pair
-from mpe_core.geometry.nearest import Neighbours
+from mpe_core.clouds.normalize import Cloud, CloudPair
+from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.algorithm1 import EPS, Descent, descend
@@ -20,8 +20,8 @@ Weights = tuple[Array | None, Array | None]
 """(N,) of the source and (M,) of the target, where there are any."""
 
 
-def as_printed(
-    x: Cloud, y: Cloud, pair: Pair, options: RegistrationOptions, progress: Progress
+def run_paper_method(
+    x: Cloud, y: Cloud, pair: CloudPair, options: RegistrationOptions, progress: Progress
 ) -> Minimum:
     """Method "mpe" on all points, or "mpl" with a sparse search and trimmed ICP; without the points
     of weight 0."""
@@ -56,4 +56,6 @@ def _mpl(
     with progress.stage("search") as report:
         T = sparse_mpe(source, target, size, most, seed, report, *weights).T_target_source
     with progress.stage("refine") as report:
-        return trimmed_icp(source, Neighbours(target), T, options.overlap, most, report, *weights)
+        return trimmed_icp(
+            source, NearestNeighbors(target), T, options.overlap, most, report, *weights
+        )

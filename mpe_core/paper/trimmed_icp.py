@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, fit, pose
 from mpe_core.paper.algorithm1 import Descent
 
@@ -29,7 +29,7 @@ FARTHEST = 10.0  # steps that an extrapolation covers at most
 
 def trimmed_icp(
     source: Array,
-    target: Neighbours,
+    target: NearestNeighbors,
     T: Array,
     overlap: float | None,
     max_iterations: int,
@@ -85,7 +85,7 @@ def trimmed_count(
 def _pass(
     source: Array,
     K: Array,
-    target: Neighbours,
+    target: NearestNeighbors,
     masses: Array,
     T: Array,
     reach: float,
@@ -112,7 +112,7 @@ def _pass(
 
 
 def _closest(
-    source: Array, K: Array, target: Neighbours, T: Array, reach: float, overlap: float | None
+    source: Array, K: Array, target: NearestNeighbors, T: Array, reach: float, overlap: float | None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], float]:
     """Rows of the kept source points, of their nearest target points, and the largest distance."""
     distance, nearest = target.nearest(apply(T, source), reach)

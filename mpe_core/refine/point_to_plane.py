@@ -100,7 +100,7 @@ class TargetPlanes:
 
 
 @dataclass(frozen=True, slots=True)
-class Nearest:
+class Correspondences:
     """Source points at a pose, each with the plane of the target next to it."""
 
     moved: Points
@@ -127,7 +127,7 @@ class Nearest:
 
 def nearest_planes(
     source: Sample, target: TargetPlanes, T: Pose, *, smooth: bool = False
-) -> Nearest:
+) -> Correspondences:
     """The target's planes next to the source at the pose T: through its points, or `smooth`, as
     they were fitted."""
     moved = apply(T, source.points).astype(np.float32)
@@ -140,7 +140,7 @@ def nearest_planes(
     if source.normals is not None:
         outward = np.einsum("ij,nj->ni", T[:3, :3].astype(np.float32), source.normals)
         used = within & (np.einsum("ni,ni->n", outward, normals) >= 0)
-    return Nearest(moved, points, normals, within, used)
+    return Correspondences(moved, points, normals, within, used)
 
 
 def point_to_plane(
@@ -171,13 +171,15 @@ def point_to_plane(
     return Minimum(T, converged, iterations, is_planar=True, is_smoothed=smooth)
 
 
-def spread(pairs: Nearest, cut: float) -> float:
+def spread(pairs: Correspondences, cut: float) -> float:
     """Root mean square of the residuals, weighted as in the polish."""
     weight, r = pairs.weights(cut), pairs.residuals().astype(np.float64)
     return float(np.sqrt((weight * r**2).sum() / max(weight.sum(), 1e-30)))
 
 
-def equations(pairs: Nearest, cut: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def equations(
+    pairs: Correspondences, cut: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(6, 6) normal matrix and (6,) right side of one step."""
     H, g = plane_equations(pairs.moved, pairs.points, pairs.normals, pairs.used, np.float32(cut))
     return H.sum(axis=0), g.sum(axis=0)

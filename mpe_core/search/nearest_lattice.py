@@ -22,7 +22,7 @@ MOST_CELLS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class NearestField:
+class NearestLattice:
     """For each cell of a lattice, the row of the surface's point that is nearest to it."""
 
     surface: Surface
@@ -32,7 +32,7 @@ class NearestField:
     cell: np.float32
 
 
-def nearest_field(surface: Surface) -> NearestField:
+def nearest_lattice(surface: Surface) -> NearestLattice:
     """Sample the nearest point of the surface on a lattice around it."""
     reached = extent(surface.points)
     origin = (reached.low - MARGIN).astype(np.float32)
@@ -40,4 +40,4 @@ def nearest_field(surface: Surface) -> NearestField:
     cell = max(CELL, float(np.cbrt(np.prod(size) / MOST_CELLS)))
     shape = np.ceil(size / cell).astype(np.int64) + 1
     rows: NDArray[np.int32] = nearest_index(surface.points, origin, np.float32(cell), shape)
-    return NearestField(surface, rows, origin, np.float32(cell))
+    return NearestLattice(surface, rows, origin, np.float32(cell))

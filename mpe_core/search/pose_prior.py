@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.clouds.normalize import Pair
+from mpe_core.clouds.normalize import CloudPair
 from mpe_core.geometry.rigid import axis_rotation, inverse, pose
 from mpe_core.geometry.rotations import even_rotations
 from mpe_core.options import RegistrationOptions
@@ -32,7 +32,7 @@ DOWN = (0.0, 0.0, -1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Knowledge:
+class PosePrior:
     """Which poses are worth a look."""
 
     initial: Array | None = None
@@ -43,7 +43,7 @@ class Knowledge:
     """They are laid on each other exactly."""
 
     @classmethod
-    def of(cls, options: RegistrationOptions, pair: Pair) -> Self:
+    def of(cls, options: RegistrationOptions, pair: CloudPair) -> Self:
         """What the options say."""
         given, initial = options.source_gravity, options.initial_transform
         level = given is not None or options.yaw_only
@@ -54,11 +54,11 @@ class Knowledge:
             yaw_only=options.yaw_only,
         )
 
-    def inverse(self) -> Knowledge:
+    def inverse(self) -> PosePrior:
         """The same with source and target exchanged."""
         initial = None if self.initial is None else inverse(self.initial)
         down = None if self.down is None else (self.down[1], self.down[0])
-        return Knowledge(initial, down, self.yaw_only)
+        return PosePrior(initial, down, self.yaw_only)
 
     def rotations(self, count: int) -> Array:
         """(K, 3, 3) rotations to try, `count` of them where nothing is known."""

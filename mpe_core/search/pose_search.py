@@ -13,8 +13,8 @@ from mpe_core.geometry.sampling import even_rows
 from mpe_core.kernels.energy_descent import descend
 from mpe_core.kernels.translation_votes import FACE, best_translations
 from mpe_core.options import ACCEPTANCE_THRESHOLD
-from mpe_core.search.nearest_lattice import NearestField
-from mpe_core.search.pose_prior import Knowledge
+from mpe_core.search.nearest_lattice import NearestLattice
+from mpe_core.search.pose_prior import PosePrior
 
 Poses = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ MOST_HISTOGRAM_CELLS = 300_000
 
 
 @dataclass(frozen=True, slots=True)
-class Wave:
+class AnnealingStage:
     """One round of descents: how many points, from which eps to which, how many steps, how many
     stay."""
 
@@ -54,7 +54,7 @@ class Wave:
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class SearchLevel:
     """How widely to search. Lengths in radii of the smaller cloud."""
 
     rotations: int
@@ -62,51 +62,51 @@ class Effort:
     target_points: int
     cell: float
     candidates: int
-    waves: tuple[Wave, ...]
+    waves: tuple[AnnealingStage, ...]
     enough: float
     """Confidence of a pose that ends the search."""
 
 
-QUICK = Effort(
+QUICK = SearchLevel(
     rotations=384,
     source_points=64,
     target_points=256,
     cell=0.12,
     candidates=64,
     waves=(
-        Wave(200, 0.15, 0.05, 6, 16),
-        Wave(800, 0.06, 0.03, 6, 4),
-        Wave(2000, 0.06, 0.02, 10, 4),
+        AnnealingStage(200, 0.15, 0.05, 6, 16),
+        AnnealingStage(800, 0.06, 0.03, 6, 4),
+        AnnealingStage(2000, 0.06, 0.02, 10, 4),
     ),
     enough=0.9,
 )
-THOROUGH = Effort(
+THOROUGH = SearchLevel(
     rotations=1152,
     source_points=96,
     target_points=384,
     cell=0.12,
     candidates=128,
     waves=(
-        Wave(200, 0.15, 0.05, 6, 16),
-        Wave(1000, 0.06, 0.03, 8, 4),
-        Wave(3000, 0.06, 0.02, 16, 4),
+        AnnealingStage(200, 0.15, 0.05, 6, 16),
+        AnnealingStage(1000, 0.06, 0.03, 8, 4),
+        AnnealingStage(3000, 0.06, 0.02, 16, 4),
     ),
     enough=ACCEPTANCE_THRESHOLD,
 )
-WIDE = Effort(
+WIDE = SearchLevel(
     rotations=4608,
     source_points=192,
     target_points=768,
     cell=0.1,
     candidates=1536,
     waves=(
-        Wave(200, 0.12, 0.05, 6, 192),
-        Wave(1000, 0.06, 0.03, 8, 64),
-        Wave(2000, 0.06, 0.02, 10, 64),
+        AnnealingStage(200, 0.12, 0.05, 6, 192),
+        AnnealingStage(1000, 0.06, 0.03, 8, 64),
+        AnnealingStage(2000, 0.06, 0.02, 10, 64),
     ),
     enough=ACCEPTANCE_THRESHOLD,
 )
-EFFORTS = (QUICK, THOROUGH, WIDE)
+SEARCH_LEVELS = (QUICK, THOROUGH, WIDE)
 """Each follows where the one before does not find enough. The 85 shared pairs, two starts each, and
 130 composed from them: quick alone is right in 293 of 300, and of its 270 poses of confidence 0.9
 and more none is wrong; with 0.5 instead, one that slides along a street stayed. 288 rotations 292,
@@ -126,9 +126,9 @@ class Candidates:
 
 def find_poses(
     source: Surface,
-    field: NearestField,
-    effort: Effort,
-    knowledge: Knowledge,
+    field: NearestLattice,
+    effort: SearchLevel,
+    knowledge: PosePrior,
     seed: int,
     report: Callable[[float], None],
 ) -> Candidates:
@@ -160,8 +160,8 @@ def find_poses(
 def _vote(
     source: Surface,
     target: Surface,
-    effort: Effort,
-    knowledge: Knowledge,
+    effort: SearchLevel,
+    knowledge: PosePrior,
     rng: np.random.Generator,
 ) -> Poses:
     """(candidates, 4, 4) poses with the most votes, most first."""
@@ -197,8 +197,8 @@ def _descend(
     poses: Poses,
     source: Surface,
     rows: NDArray[np.int64],
-    field: NearestField,
-    wave: Wave,
+    field: NearestLattice,
+    wave: AnnealingStage,
     least_eps: float,
 ) -> NDArray[np.float32]:
     """Move the poses down the energy in place; their scores."""

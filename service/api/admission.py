@@ -11,15 +11,17 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from service.auth.authenticator import Caller
-from service.jobs.accept import check_room, check_share
+from service.jobs.accept import check_queue_limit, check_tenant_queue_limit
 from service.problems import NotReadyError, OverloadedError
-from service.runtime import Service
+from service.runtime import Runtime
 
 RETRY_AFTER_S = 30
 
 
 @asynccontextmanager
-async def room_for_body(request: Request, service: Service, caller: Caller) -> AsyncIterator[None]:
+async def reserve_body_bytes(
+    request: Request, service: Runtime, caller: Caller
+) -> AsyncIterator[None]:
     """Room for the request's body while the context lasts; raises like `admit`.
 
     A body that does not announce its length may be as long as any.
@@ -33,7 +35,7 @@ async def room_for_body(request: Request, service: Service, caller: Caller) -> A
         service.shares.release(caller, size)
 
 
-def admit(service: Service, caller: Caller, size: int) -> None:
+def admit(service: Runtime, caller: Caller, size: int) -> None:
     """Reserve room for so many bytes, which the caller releases.
 
     NotReadyError, QueueFullError, QuotaExceededError or OverloadedError when a submission would
@@ -42,9 +44,11 @@ def admit(service: Service, caller: Caller, size: int) -> None:
     settings = service.settings
     if service.queue.is_stopping:
         raise NotReadyError("The service is stopping.", headers={"Retry-After": "5"})
-    check_room(service.store.count("queued"), settings.queue_limit)
+    check_queue_limit(service.store.count("queued"), settings.queue_limit)
     if caller.limits.queue_limit is not None:
-        check_share(service.store.count("queued", caller.tenant), caller.limits.queue_limit)
+        check_tenant_queue_limit(
+            service.store.count("queued", caller.tenant), caller.limits.queue_limit
+        )
     if shutil.disk_usage(settings.data_dir).free < settings.min_free_disk_bytes:
         raise _overloaded("disk")
     if psutil.virtual_memory().available < settings.min_free_memory_bytes:

@@ -10,26 +10,26 @@ from fastapi import Depends, Header, Path, Query, Request, Security
 from fastapi.security import HTTPBearer
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import room_for_body
+from service.api.admission import reserve_body_bytes
 from service.api.body import read_file
 from service.api.same_origin import check_origin
 from service.api.submission import Submission, read_submission
 from service.auth.authenticator import Caller
 from service.jobs.model import JobRow
 from service.problems import UnknownRegistrationError
-from service.runtime import Service
+from service.runtime import Runtime
 from service.schemas import FormatName
 from service.storage.blobs import Blob
 
 _WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)
 
 
-def _service(request: Request) -> Service:
-    service: Service = request.app.state.service
+def _service(request: Request) -> Runtime:
+    service: Runtime = request.app.state.service
     return service
 
 
-CurrentService = Annotated[Service, Depends(_service)]
+CurrentService = Annotated[Runtime, Depends(_service)]
 _bearer = HTTPBearer(
     scheme_name="key",
     bearerFormat="mpe_<id>_<secret>",
@@ -99,7 +99,7 @@ IdempotencyKey = Annotated[str | None, Depends(_idempotency_key)]
 async def _submission(
     request: Request, service: CurrentService, caller: CurrentCaller, _key: IdempotencyKey
 ) -> Submission:
-    async with room_for_body(request, service, caller):
+    async with reserve_body_bytes(request, service, caller):
         return await read_submission(request, service, caller.tenant)
 
 
@@ -107,7 +107,7 @@ NewSubmission = Annotated[Submission, Depends(_submission)]
 
 
 async def _raw_body(request: Request, service: CurrentService, caller: CurrentCaller) -> Blob:
-    async with room_for_body(request, service, caller):
+    async with reserve_body_bytes(request, service, caller):
         return await read_file(request, service.blobs, service.settings.max_body_bytes)
 
 

@@ -9,7 +9,7 @@ import time
 from starlette.concurrency import run_in_threadpool
 
 from service.jobs.model import JobRow, is_terminal
-from service.runtime import Service
+from service.runtime import Runtime
 
 SHARED_LOOK_S = 1.0
 LOOK_S = 15.0
@@ -17,15 +17,17 @@ LOOK_S = 15.0
 that looked every second took 4 % of a core."""
 
 
-def look_every_s(service: Service) -> float:
+def poll_interval_s(service: Runtime) -> float:
     """So long may a change be missed that nobody announces: one by another service on the same
     database."""
     return SHARED_LOOK_S if service.database.is_shared else LOOK_S
 
 
-async def settled(service: Service, tenant: str, job_id: str, wait_s: float) -> JobRow | None:
+async def wait_until_ended(
+    service: Runtime, tenant: str, job_id: str, wait_s: float
+) -> JobRow | None:
     """The tenant's job once it has ended, or as it is after the wait; None when there is none."""
-    deadline, look_s = time.monotonic() + wait_s, look_every_s(service)
+    deadline, look_s = time.monotonic() + wait_s, poll_interval_s(service)
     with service.changes.watch(job_id, progress=False) as changed:
         while True:
             changed.clear()

@@ -13,11 +13,11 @@ from starlette.concurrency import run_in_threadpool
 from service.api.body import Fields, read_multipart, read_text
 from service.api.error_handlers import invalid_request
 from service.clouds.inputs import CloudInput
-from service.clouds.store import recognised
+from service.clouds.store import detect_format
 from service.jobs.fingerprint import fingerprint
 from service.outbound import FetchRules, check_callback, check_source
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
-from service.runtime import Service
+from service.runtime import Runtime
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
 from service.storage.blobs import Blob
 
@@ -40,7 +40,7 @@ class Submission:
         return fingerprint([asdict(self.source), asdict(self.target), said])
 
 
-async def read_submission(request: Request, service: Service, tenant: str) -> Submission:
+async def read_submission(request: Request, service: Runtime, tenant: str) -> Submission:
     """Read and check the body; files are on disk afterwards, nothing is decoded."""
     content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if content_type == "multipart/form-data":
@@ -62,7 +62,7 @@ async def read_submission(request: Request, service: Service, tenant: str) -> Su
     return submission
 
 
-def _from_form(form: Fields, service: Service, tenant: str) -> Submission:
+def _from_form(form: Fields, service: Runtime, tenant: str) -> Submission:
     files = {role: form.pop(role, None) for role in CLOUDS}
     fields: dict[str, Any] = {}
     for name, text in form.items():
@@ -81,11 +81,11 @@ def _from_form(form: Fields, service: Service, tenant: str) -> Submission:
 
 
 def _cloud(
-    role: str, field: Blob | str | None, reading: Reading, service: Service, tenant: str
+    role: str, field: Blob | str | None, reading: Reading, service: Runtime, tenant: str
 ) -> CloudInput:
     """An uploaded file, or a reference in its place."""
     if isinstance(field, Blob):
-        recognised(role, field, service.blobs, reading.format)
+        detect_format(role, field, service.blobs, reading.format)
         return _read_as(reading, CloudInput(sha256=field.sha256, size=field.size))
     if field is None:
         raise InvalidRequestError(f"{role}: expected a file; send it as -F {role}=@scan.ply.")
@@ -110,7 +110,7 @@ def _parsed(name: str, text: str) -> Any:
         raise InvalidRequestError(f"{where}: expected JSON.") from None
 
 
-def _from_json(body: bytes, service: Service, tenant: str) -> Submission:
+def _from_json(body: bytes, service: Runtime, tenant: str) -> Submission:
     try:
         wanted = RegistrationRequest.model_validate_json(body)
     except ValidationError as error:
@@ -124,7 +124,7 @@ def _from_json(body: bytes, service: Service, tenant: str) -> Submission:
     )
 
 
-def _referred(reference: CloudReference, service: Service, tenant: str) -> CloudInput:
+def _referred(reference: CloudReference, service: Runtime, tenant: str) -> CloudInput:
     if reference.cloud is not None:
         return service.clouds.use(tenant, reference.cloud)
     assert reference.url is not None  # noqa: S101

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from service.auth.keys import DEFAULT_TENANT, ApiKey, KeyStore, Limits, parted
+from service.auth.keys import DEFAULT_TENANT, ApiKey, KeyStore, Limits, split_key
 from service.problems import UnauthorizedError
 from service.settings import Settings
 
@@ -23,11 +23,11 @@ class Caller:
     key_id: str | None = None
 
 
-LOCAL = Caller(DEFAULT_TENANT, Limits())
+ANONYMOUS = Caller(DEFAULT_TENANT, Limits())
 """Anybody, as long as there are no keys."""
 
 
-class Gate:
+class Authenticator:
     """Lets callers in; what the database said is remembered for REMEMBERED_S."""
 
     def __init__(self, keys: KeyStore, settings: Settings) -> None:
@@ -46,7 +46,7 @@ class Gate:
         """The caller, if that can be told without the database."""
         now = time.monotonic()
         if not authorization:
-            return LOCAL if now < self._open_until else None
+            return ANONYMOUS if now < self._open_until else None
         key_id, secret = _credentials(authorization)
         key, until = self._known.get(key_id, (None, 0.0))
         if key is None or now >= until:
@@ -64,7 +64,7 @@ class Gate:
             if self._closed:
                 raise _refused("This service needs a key: send `Authorization: Bearer mpe_...`.")
             self._open_until = now + REMEMBERED_S
-            return LOCAL
+            return ANONYMOUS
         key_id, secret = _credentials(authorization)
         key = self._keys.find(key_id)
         if key is not None:
@@ -93,7 +93,7 @@ def _first(own: Any, default: Any) -> Any:
 def _credentials(authorization: list[str]) -> tuple[str, str]:
     """Id and secret; UnauthorizedError for anything but one `Bearer mpe_<id>_<secret>`."""
     scheme, _, key = authorization[0].partition(" ")
-    found = parted(key) if scheme.lower() == "bearer" and len(authorization) == 1 else None
+    found = split_key(key) if scheme.lower() == "bearer" and len(authorization) == 1 else None
     if found is None:
         raise _invalid()
     return found

@@ -10,7 +10,7 @@ from service.database.engine import open_database
 from service.settings import Settings
 
 
-class OpenToStrangersError(Exception):
+class UnprotectedBindError(Exception):
     """Others could reach the address, and no key would keep them out."""
 
 
@@ -25,7 +25,7 @@ def check_binding(host: str, settings: Settings) -> None:
     finally:
         database.close()
     if not closed:
-        raise OpenToStrangersError(
+        raise UnprotectedBindError(
             f"others can reach {host or 'every address'}, and there is no key to keep them out: "
             "make one with `mpe keys create --tenant NAME`, or set MPE_ALLOW_OPEN=true to serve "
             "whoever comes"

@@ -55,7 +55,7 @@ class ApiKey:
         return same and self.revoked_at is None
 
 
-def parted(key: str) -> tuple[str, str] | None:
+def split_key(key: str) -> tuple[str, str] | None:
     """Id and secret of a key; None when it does not look like one."""
     found = _KEY.fullmatch(key)
     return None if found is None else (found["id"], found["secret"])

@@ -28,7 +28,7 @@ class _Count:
     until: float
 
 
-class Shares:
+class StorageQuota:
     """What is stored, as counted at most a second ago, and in this process what is on its way."""
 
     def __init__(self, database: Database) -> None:

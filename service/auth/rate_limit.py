@@ -9,7 +9,7 @@ from service.auth.authenticator import Caller
 from service.problems import RateLimitedError
 
 
-class RateLimit:
+class RateLimiter:
     """Belongs to one event loop.
 
     A key that is used evenly may be used `requests_per_s` times a second; one that has rested, as

@@ -135,14 +135,14 @@ time        {found.timing["total"]:.2f} s"""
 
 
 def _serve(given: argparse.Namespace) -> int:
-    from service.auth.bind_check import OpenToStrangersError
+    from service.auth.bind_check import UnprotectedBindError
     from service.server import serve  # loads the service, which `mpe align` does without
 
     if (wrong := _wrong_settings()) is not None:
         return _complain(wrong, MISUSED)
     try:
         serve(given.host, given.port)
-    except OpenToStrangersError as error:
+    except UnprotectedBindError as error:
         return _complain(str(error), MISUSED)
     except NotReadyError as error:
         return _complain(str(error), FAILED)

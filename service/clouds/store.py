@@ -56,7 +56,7 @@ class CloudStore:
             id=cloud_id,
             sha256=blob.sha256,
             size=blob.size,
-            format=recognised("cloud", blob, self._blobs, declared),
+            format=detect_format("cloud", blob, self._blobs, declared),
             declared=declared is not None,
             created_at=now,
             expires_at=now + self._retention_s,
@@ -95,7 +95,7 @@ class CloudStore:
                 _known(None)
 
 
-def recognised(role: str, blob: Blob, blobs: BlobStore, declared: str | None = None) -> str:
+def detect_format(role: str, blob: Blob, blobs: BlobStore, declared: str | None = None) -> str:
     """Name of the format that is declared or that the file begins like; nothing is decoded here.
 
     Raises

@@ -39,9 +39,11 @@ def accept(
             return former
     job = _with_known_result(connection, job, retention)
     if job.status == "queued":
-        check_room(count_jobs(connection, "queued"), queue_limit)
+        check_queue_limit(count_jobs(connection, "queued"), queue_limit)
         if tenant_queue_limit is not None:
-            check_share(count_jobs(connection, "queued", job.tenant), tenant_queue_limit)
+            check_tenant_queue_limit(
+                count_jobs(connection, "queued", job.tenant), tenant_queue_limit
+            )
     connection.execute(insert(jobs), asdict(job))
     record = record_end if job.status == "succeeded" else record_change
     record(connection, job.id)
@@ -51,7 +53,7 @@ def accept(
     return job
 
 
-def check_room(waiting: int, limit: int) -> None:
+def check_queue_limit(waiting: int, limit: int) -> None:
     """QueueFullError when as many jobs wait as may wait."""
     if waiting >= limit:
         raise QueueFullError(
@@ -61,7 +63,7 @@ def check_room(waiting: int, limit: int) -> None:
         )
 
 
-def check_share(waiting: int, limit: int) -> None:
+def check_tenant_queue_limit(waiting: int, limit: int) -> None:
     """QuotaExceededError when as many jobs of a tenant wait as may wait."""
     if waiting >= limit:
         raise QuotaExceededError(

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from service.problems import IdempotencyInFlightError
 
 
-class KeysInFlight:
+class InFlightKeys:
     """Belongs to one event loop; the keys of answered requests are in the store."""
 
     def __init__(self) -> None:

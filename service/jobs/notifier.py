@@ -15,7 +15,7 @@ class Announce(Protocol):
     def __call__(self, job_id: str, *, progress: bool = False) -> None: ...
 
 
-class Changes:
+class JobNotifier:
     """Belongs to the event loop in which it was made."""
 
     def __init__(self) -> None:

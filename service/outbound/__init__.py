@@ -1,7 +1,7 @@
 """The one door through which the service calls what its callers name: clouds and callbacks."""
 
-from service.outbound.client import Door
-from service.outbound.deadline import Stopwatch, TimeBounds
+from service.outbound.client import OutboundClient
+from service.outbound.deadline import TransferDeadline, TransferLimits
 from service.outbound.fetch import (
     FetchRules,
     callback_rules,
@@ -9,19 +9,19 @@ from service.outbound.fetch import (
     check_source,
     fetch,
 )
-from service.outbound.http_cache import KnownFiles, forget_removed
+from service.outbound.http_cache import HttpCache, prune_http_cache
 from service.outbound.urls import parse_url
 
 __all__ = [
-    "Door",
     "FetchRules",
-    "KnownFiles",
-    "Stopwatch",
-    "TimeBounds",
+    "HttpCache",
+    "OutboundClient",
+    "TransferDeadline",
+    "TransferLimits",
     "callback_rules",
     "check_callback",
     "check_source",
     "fetch",
-    "forget_removed",
     "parse_url",
+    "prune_http_cache",
 ]

@@ -11,9 +11,9 @@ from importlib.metadata import version
 
 import httpcore
 
-from service.outbound.deadline import Stopwatch
-from service.outbound.transport import CheckedBackend, Resolver, system_resolver
-from service.outbound.url_policy import Rules, check_url
+from service.outbound.deadline import TransferDeadline
+from service.outbound.transport import GuardedBackend, Resolver, system_resolver
+from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import Url
 from service.problems import (
     FetchCutError,
@@ -24,7 +24,7 @@ from service.problems import (
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class OutboundResponse:
     """What the server says; valid until the call is left."""
 
     url: Url
@@ -35,12 +35,12 @@ class Answer:
     """The body, still encoded as the server encoded it."""
 
 
-class Door:
+class OutboundClient:
     """Calls what the rules allow: no proxies, no cookies, no credentials, no redirects."""
 
     def __init__(
         self,
-        rules: Rules,
+        rules: UrlPolicy,
         *,
         resolve: Resolver = system_resolver,
         tls: ssl.SSLContext | None = None,
@@ -54,11 +54,11 @@ class Door:
         self,
         method: str,
         url: Url,
-        watch: Stopwatch,
+        watch: TransferDeadline,
         *,
         headers: dict[str, str],
         content: bytes | None = None,
-    ) -> Iterator[Answer]:
+    ) -> Iterator[OutboundResponse]:
         """Send the request and give the answer, its body still to be read.
 
         Raises
@@ -77,14 +77,14 @@ class Door:
             _explained(),
             httpcore.ConnectionPool(
                 ssl_context=(self._tls or _authorities()) if url.scheme == "https" else None,
-                network_backend=CheckedBackend(self._rules, self._resolve, watch),
+                network_backend=GuardedBackend(self._rules, self._resolve, watch),
             ) as pool,
             pool.stream(
                 method, place, headers=list((plain | headers).items()), content=content
             ) as response,
         ):
             said = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in response.headers}
-            yield Answer(url, response.status, said, response.iter_stream())
+            yield OutboundResponse(url, response.status, said, response.iter_stream())
 
 
 @cache

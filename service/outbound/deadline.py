@@ -9,7 +9,7 @@ from service.problems import FetchTooSlowError
 
 
 @dataclass(frozen=True, slots=True)
-class TimeBounds:
+class TransferLimits:
     """Bounds on one call."""
 
     total_s: float
@@ -18,10 +18,10 @@ class TimeBounds:
     min_bytes_s: float = 0.0
 
 
-class Stopwatch:
+class TransferDeadline:
     """Watches one call, from its making."""
 
-    def __init__(self, bounds: TimeBounds) -> None:
+    def __init__(self, bounds: TransferLimits) -> None:
         self._bounds = bounds
         self._end = time.monotonic() + bounds.total_s
         self._since: float | None = None

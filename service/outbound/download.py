@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from service.outbound.client import Answer, Door
-from service.outbound.deadline import Stopwatch, TimeBounds
-from service.outbound.http_cache import Known, KnownFiles
+from service.outbound.client import OutboundClient, OutboundResponse
+from service.outbound.deadline import TransferDeadline, TransferLimits
+from service.outbound.http_cache import CachedFile, HttpCache
 from service.outbound.redirects import follow
 from service.outbound.urls import Url
 from service.outbound.validators import Validators
@@ -44,15 +44,21 @@ class Download:
     """`run` it once."""
 
     def __init__(
-        self, door: Door, blobs: BlobStore, known: KnownFiles, *, bounds: TimeBounds, max_bytes: int
+        self,
+        door: OutboundClient,
+        blobs: BlobStore,
+        known: HttpCache,
+        *,
+        bounds: TransferLimits,
+        max_bytes: int,
     ) -> None:
         self._door = door
         self._blobs = blobs
         self._known = known
-        self._watch = Stopwatch(bounds)
+        self._watch = TransferDeadline(bounds)
         self._max_bytes = max_bytes
         self._part: Part | None = None
-        self._asked: dict[str, Known] = {}
+        self._asked: dict[str, CachedFile] = {}
         self._names: dict[Url, str] = {}
 
     def run(self, url: Url, name: str | None = None) -> Blob:
@@ -86,7 +92,7 @@ class Download:
                 writer.write(chunk)
                 self._check_size(writer.size)
         blob = writer.commit()
-        self._known.keep(self._name(answer.url), Known(blob, validators))
+        self._known.keep(self._name(answer.url), CachedFile(blob, validators))
         return blob
 
     def _headers(self, size: int) -> Callable[[Url], dict[str, str]]:
@@ -105,7 +111,7 @@ class Download:
 
         return headers_for
 
-    def _begin(self, answer: Answer, writer: BlobWriter) -> None:
+    def _begin(self, answer: OutboundResponse, writer: BlobWriter) -> None:
         """Go on where the answer does, or begin again."""
         if answer.status == NOT_SATISFIABLE and self._part is not None:
             self._give_up_part(answer.url)
@@ -121,7 +127,7 @@ class Download:
         self._check_size(int(length[0]) if length else 0)
         writer.restart()
 
-    def _go_on(self, answer: Answer, writer: BlobWriter) -> None:
+    def _go_on(self, answer: OutboundResponse, writer: BlobWriter) -> None:
         found = _RANGE.fullmatch(answer.headers.get("content-range", ""))
         if self._part is None or found is None:
             raise FetchError("The URL gave a part of a file that was not asked for.")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from service.outbound.client import Door
-from service.outbound.deadline import TimeBounds
+from service.outbound.client import OutboundClient
+from service.outbound.deadline import TransferLimits
 from service.outbound.download import Download
-from service.outbound.http_cache import KnownFiles
-from service.outbound.s3 import S3Rules, check_s3, signed, web_rules
-from service.outbound.url_policy import Rules, check_url
+from service.outbound.http_cache import HttpCache
+from service.outbound.s3 import S3Rules, check_s3, policy_for, presign
+from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
 from service.settings import Settings
@@ -24,9 +24,9 @@ class FetchRules:
     """What may be fetched, how much, and for how long."""
 
     enabled: bool
-    web: Rules
+    web: UrlPolicy
     s3: S3Rules
-    bounds: TimeBounds
+    bounds: TransferLimits
     max_bytes: int
 
     @classmethod
@@ -35,7 +35,7 @@ class FetchRules:
         secret = settings.s3_secret_access_key
         return cls(
             enabled=settings.url_fetching,
-            web=Rules(
+            web=UrlPolicy(
                 hosts=settings.url_hosts,
                 ports=settings.url_ports,
                 networks=settings.private_networks,
@@ -47,16 +47,16 @@ class FetchRules:
                 access_key_id=settings.s3_access_key_id,
                 secret_access_key=None if secret is None else secret.get_secret_value(),
             ),
-            bounds=TimeBounds(
+            bounds=TransferLimits(
                 settings.url_timeout_s, settings.url_stall_s, settings.url_min_bytes_s
             ),
             max_bytes=settings.max_body_bytes,
         )
 
 
-def callback_rules(settings: Settings) -> Rules:
+def callback_rules(settings: Settings) -> UrlPolicy:
     """What may be called when a registration has ended."""
-    return Rules(
+    return UrlPolicy(
         hosts=settings.webhook_hosts,
         hosts_setting="MPE_WEBHOOK_HOSTS",
         ports=settings.url_ports,
@@ -81,7 +81,7 @@ def check_source(url: str, rules: FetchRules) -> None:
         check_url(parse_url(url), rules.web)
 
 
-def fetch(url: str, rules: FetchRules, blobs: BlobStore, known: KnownFiles) -> Blob:
+def fetch(url: str, rules: FetchRules, blobs: BlobStore, known: HttpCache) -> Blob:
     """Store what the URL gives.
 
     Raises
@@ -94,9 +94,11 @@ def fetch(url: str, rules: FetchRules, blobs: BlobStore, known: KnownFiles) -> B
     check_source(url, rules)
     name = None
     if url.startswith(S3_PREFIX):
-        place = signed(url, rules.s3, valid_s=rules.bounds.total_s)
-        web, name = web_rules(place, rules.s3), f"{rules.s3.endpoint} {url}"
+        place = presign(url, rules.s3, valid_s=rules.bounds.total_s)
+        web, name = policy_for(place, rules.s3), f"{rules.s3.endpoint} {url}"
     else:
         place, web = parse_url(url), rules.web
-    download = Download(Door(web), blobs, known, bounds=rules.bounds, max_bytes=rules.max_bytes)
+    download = Download(
+        OutboundClient(web), blobs, known, bounds=rules.bounds, max_bytes=rules.max_bytes
+    )
     return download.run(place, name)

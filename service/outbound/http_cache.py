@@ -12,14 +12,14 @@ from service.storage.blobs import Blob, BlobStore
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class CachedFile:
     """A stored file, and what its server said of its version."""
 
     blob: Blob
     validators: Validators
 
 
-class KnownFiles:
+class HttpCache:
     """One small file for each URL and tenant, named by their hash; URLs are not written down."""
 
     def __init__(self, data_dir: Path, blobs: BlobStore, tenant: str) -> None:
@@ -28,17 +28,17 @@ class KnownFiles:
         self._tenant = tenant
         self._directory.mkdir(exist_ok=True)
 
-    def find(self, name: str) -> Known | None:
+    def find(self, name: str) -> CachedFile | None:
         """The file that the URL gave, if it is still stored; it is spared from removal then."""
         try:
             said = json.loads(self._path(name).read_bytes())
-            known = Known(Blob(**said["blob"]), Validators(**said["validators"]))
+            known = CachedFile(Blob(**said["blob"]), Validators(**said["validators"]))
             self._blobs.touch(known.blob.sha256)
         except (FileNotFoundError, ValueError, TypeError, KeyError):
             return None
         return known
 
-    def keep(self, name: str, known: Known) -> None:
+    def keep(self, name: str, known: CachedFile) -> None:
         """Remember the file, unless its server said nothing that could be asked for later."""
         path = self._path(name)
         if not known.validators.conditions:
@@ -53,7 +53,7 @@ class KnownFiles:
         return self._directory / key
 
 
-def forget_removed(data_dir: Path, blobs: BlobStore) -> None:
+def prune_http_cache(data_dir: Path, blobs: BlobStore) -> None:
     """Drop what is known of files that are no longer stored."""
     for path in (data_dir / "fetched").glob("*"):
         try:

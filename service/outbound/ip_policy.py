@@ -44,7 +44,7 @@ _ISATAP = (0x00005EFE, 0x02005EFE)
 """First half of an interface identifier that holds an IPv4 address."""
 
 
-def may_be_dialled(address: Address, opened: Sequence[Network]) -> bool:
+def is_allowed(address: Address, opened: Sequence[Network]) -> bool:
     """Whether the address is public, or within the opened networks, and tells no secrets."""
     if address in METADATA:
         return False

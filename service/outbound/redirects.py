@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from urllib.parse import urljoin
 
-from service.outbound.client import Answer, Door
-from service.outbound.deadline import Stopwatch
+from service.outbound.client import OutboundClient, OutboundResponse
+from service.outbound.deadline import TransferDeadline
 from service.outbound.urls import Url, parse_url
 from service.problems import AddressRefusedError, FetchError
 
@@ -17,8 +17,11 @@ STATUSES = (301, 302, 303, 307, 308)
 
 @contextmanager
 def follow(
-    door: Door, url: Url, watch: Stopwatch, headers_for: Callable[[Url], dict[str, str]]
-) -> Iterator[Answer]:
+    door: OutboundClient,
+    url: Url,
+    watch: TransferDeadline,
+    headers_for: Callable[[Url], dict[str, str]],
+) -> Iterator[OutboundResponse]:
     """GET the URL, or where it leads; each step is sent only the headers that are meant for it."""
     for _ in range(MAX_REDIRECTS + 1):
         with door.call("GET", url, watch, headers=headers_for(url)) as answer:

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
-from service.outbound.url_policy import Rules
+from service.outbound.url_policy import UrlPolicy
 from service.outbound.urls import Url, parse_url
 from service.problems import AddressRefusedError, FetchError
 
@@ -49,7 +49,7 @@ def check_s3(address: str, rules: S3Rules) -> tuple[str, str]:
     return found[1], found[2]
 
 
-def signed(address: str, rules: S3Rules, *, valid_s: float) -> Url:
+def presign(address: str, rules: S3Rules, *, valid_s: float) -> Url:
     """The URL of the object, valid for so long.
 
     Raises
@@ -71,10 +71,10 @@ def signed(address: str, rules: S3Rules, *, valid_s: float) -> Url:
     return parse_url(url)
 
 
-def web_rules(url: Url, rules: S3Rules) -> Rules:
+def policy_for(url: Url, rules: S3Rules) -> UrlPolicy:
     """The signed URL alone; whoever configures an endpoint may have it on a private network."""
     networks = () if rules.endpoint is None else EVERYWHERE
-    return Rules(hosts=(url.host,), ports=(url.port,), networks=networks)
+    return UrlPolicy(hosts=(url.host,), ports=(url.port,), networks=networks)
 
 
 def _store(bucket: str, rules: S3Rules) -> S3Store:

@@ -11,9 +11,9 @@ from typing import Any
 
 import httpcore
 
-from service.outbound.deadline import Stopwatch
-from service.outbound.ip_policy import Address, may_be_dialled
-from service.outbound.url_policy import Rules, refused_address
+from service.outbound.deadline import TransferDeadline
+from service.outbound.ip_policy import Address, is_allowed
+from service.outbound.url_policy import UrlPolicy, refused_address
 from service.problems import FetchNameError, FetchTlsError, FetchTooSlowError
 
 Resolver = Callable[[str], Iterable[str]]
@@ -26,10 +26,10 @@ def system_resolver(name: str) -> list[str]:
     return list(dict.fromkeys(str(item[4][0]) for item in found))
 
 
-class CheckedBackend(httpcore.NetworkBackend):
+class GuardedBackend(httpcore.NetworkBackend):
     """Connects to the names that httpcore asks for; TLS names and Host stay the name."""
 
-    def __init__(self, rules: Rules, resolve: Resolver, watch: Stopwatch) -> None:
+    def __init__(self, rules: UrlPolicy, resolve: Resolver, watch: TransferDeadline) -> None:
         self._rules = rules
         self._resolve = resolve
         self._watch = watch
@@ -55,7 +55,7 @@ class CheckedBackend(httpcore.NetworkBackend):
             None answers.
         """
         addresses = self._addresses(host)
-        if not all(may_be_dialled(address, self._rules.networks) for address in addresses):
+        if not all(is_allowed(address, self._rules.networks) for address in addresses):
             raise refused_address()
         failure: Exception = httpcore.ConnectError()
         for address in addresses:
@@ -65,7 +65,7 @@ class CheckedBackend(httpcore.NetworkBackend):
                 failure = error
             else:
                 self._watch.begin()
-                return WatchedStream(stream, self._watch)
+                return TimedStream(stream, self._watch)
         raise failure
 
     def _addresses(self, host: str) -> list[Address]:
@@ -98,10 +98,10 @@ class CheckedBackend(httpcore.NetworkBackend):
         return answers[0]
 
 
-class WatchedStream(httpcore.NetworkStream):
+class TimedStream(httpcore.NetworkStream):
     """A connection whose every step keeps to the stopwatch."""
 
-    def __init__(self, stream: httpcore.NetworkStream, watch: Stopwatch) -> None:
+    def __init__(self, stream: httpcore.NetworkStream, watch: TransferDeadline) -> None:
         self._stream = stream
         self._watch = watch
 
@@ -130,7 +130,7 @@ class WatchedStream(httpcore.NetworkStream):
             inner = self._stream.start_tls(ssl_context, server_hostname, self._watch.wait())
         except httpcore.ConnectError as error:
             raise FetchTlsError(f"TLS failed: {_reason(error.__cause__)}.") from error
-        return WatchedStream(inner, self._watch)
+        return TimedStream(inner, self._watch)
 
     def get_extra_info(self, info: str) -> Any:
         """What is known of the connection."""

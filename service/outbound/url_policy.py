@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from ipaddress import ip_address
 
-from service.outbound.ip_policy import Network, may_be_dialled
+from service.outbound.ip_policy import Network, is_allowed
 from service.outbound.urls import Url
 from service.problems import AddressRefusedError
 
@@ -14,7 +14,7 @@ FIRST_UNPRIVILEGED_PORT = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class UrlPolicy:
     """Hosts, ports and networks of one kind of calls."""
 
     hosts: tuple[str, ...] = ()
@@ -27,7 +27,7 @@ class Rules:
     """Networks that may be reached though they are not public."""
 
 
-def check_url(url: Url, rules: Rules) -> None:
+def check_url(url: Url, rules: UrlPolicy) -> None:
     """AddressRefusedError unless the URL may be called, as far as that shows without asking DNS."""
     if rules.hosts and url.host not in rules.hosts:
         raise AddressRefusedError(f"{rules.hosts_setting} does not name the URL's host.")
@@ -37,7 +37,7 @@ def check_url(url: Url, rules: Rules) -> None:
         address = ip_address(url.host)
     except ValueError:
         return
-    if not may_be_dialled(address, rules.networks):
+    if not is_allowed(address, rules.networks):
         raise refused_address()
 
 

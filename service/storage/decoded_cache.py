@@ -13,7 +13,7 @@ import numpy as np
 from service.formats.decoded_cloud import DecodedCloud
 
 
-class PreparedClouds:
+class DecodedCache:
     """Files named by the content's hash, the tenant, and the release that decoded it.
 
     Each tenant has its own: how long decoding takes must not tell what somebody else has.

@@ -12,7 +12,7 @@ request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
 job_id: ContextVar[str | None] = ContextVar("job_id", default=None)
 
 
-class Belonging(logging.Filter):
+class ContextFilter(logging.Filter):
     """Adds request_id and job_id where they are known."""
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -25,7 +25,7 @@ class Belonging(logging.Filter):
 
 
 @contextmanager
-def about_job(identity: str) -> Iterator[None]:
+def job_context(identity: str) -> Iterator[None]:
     """What is logged within belongs to the job."""
     token = job_id.set(identity)
     try:
@@ -40,7 +40,7 @@ def configure_logs(level: str) -> None:
         {
             "version": 1,
             "disable_existing_loggers": False,
-            "filters": {"belonging": {"()": Belonging}},
+            "filters": {"belonging": {"()": ContextFilter}},
             "formatters": {
                 "json": {
                     "()": "pythonjsonlogger.json.JsonFormatter",

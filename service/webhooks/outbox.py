@@ -29,7 +29,7 @@ class Delivery:
     tries: list[dict[str, Any]]
 
 
-class DeliveryStore:
+class Outbox:
     """Deliveries in the database."""
 
     def __init__(self, database: Database) -> None:

@@ -14,15 +14,21 @@ from typing import Any
 
 from service.jobs.model import JobRow
 from service.jobs.store import JobStore
-from service.outbound import Door, Stopwatch, TimeBounds, callback_rules, parse_url
+from service.outbound import (
+    OutboundClient,
+    TransferDeadline,
+    TransferLimits,
+    callback_rules,
+    parse_url,
+)
 from service.problems import ServiceError
 from service.schemas.serialize_job import summary
 from service.settings import Settings
-from service.webhooks.outbox import Delivery, DeliveryStore
+from service.webhooks.outbox import Delivery, Outbox
 
 SENDERS = 4
 POLL_S = 0.5
-BOUNDS = TimeBounds(total_s=10, stall_s=10)
+BOUNDS = TransferLimits(total_s=10, stall_s=10)
 MAX_DELAY_S = 3600.0
 
 log = logging.getLogger(__name__)
@@ -35,14 +41,14 @@ def sign(secret: bytes, delivery_id: str, timestamp: int, body: bytes) -> str:
     return f"v1,{base64.b64encode(digest).decode()}"
 
 
-class Webhooks:
+class WebhookSender:
     """Threads that send what is due; nothing is lost when they are killed in the middle."""
 
-    def __init__(self, store: JobStore, deliveries: DeliveryStore, settings: Settings) -> None:
+    def __init__(self, store: JobStore, deliveries: Outbox, settings: Settings) -> None:
         self._store = store
         self._deliveries = deliveries
         self._settings = settings
-        self._door = Door(callback_rules(settings))
+        self._door = OutboundClient(callback_rules(settings))
         self._stopping = threading.Event()
         self._threads = [
             threading.Thread(target=self._serve, name=f"webhooks-{i}", daemon=True)
@@ -105,7 +111,7 @@ class Webhooks:
             "Webhook-Signature": sign(secret, delivery.id, int(now), body),
         }
         try:
-            url, watch = parse_url(job.callback_url), Stopwatch(BOUNDS)
+            url, watch = parse_url(job.callback_url), TransferDeadline(BOUNDS)
             # the answer's body is of no interest, and may be endless
             with self._door.call("POST", url, watch, headers=headers, content=body) as answer:
                 return {"at": now, "status_code": answer.status, "error": None}

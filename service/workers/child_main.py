@@ -23,19 +23,19 @@ from service.jobs.model import Outcome
 from service.problems import INTERNAL, JobMemoryError, problem, problem_type
 from service.schemas.serialize_result import inlier_array, result_document
 from service.storage.blobs import Blob, BlobStore
-from service.storage.decoded_cache import PreparedClouds
+from service.storage.decoded_cache import DecodedCache
 from service.telemetry.json_logs import job_id
 from service.workers.fetch_inputs import fetched
 from service.workers.sandbox.limits import (
     BUSY_NAME,
     IDLE_NAME,
-    confine,
+    apply_limits,
     die_with_parent,
     forkserver_pid,
-    give_way,
+    lower_priority,
     name_process,
 )
-from service.workers.sandbox.seccomp import seal_off_network
+from service.workers.sandbox.seccomp import drop_network
 from service.workers.task import FetchTask, Task
 
 Report = Callable[[str, float], None]
@@ -64,8 +64,8 @@ def stand_by(connection: Connection) -> None:
 def run(task: FetchTask | Task, connection: Connection) -> None:
     """Confine this process, do the work, send what came of it or the problem."""
     name_process(BUSY_NAME)
-    confine(task.limits)
-    give_way(WORKER_NICENESS)
+    apply_limits(task.limits)
+    lower_priority(WORKER_NICENESS)
     job_id.set(task.job_id)
     tempfile.tempdir = str(task.scratch)
     if isinstance(task, Task):
@@ -76,7 +76,7 @@ def run(task: FetchTask | Task, connection: Connection) -> None:
 
 def seal() -> None:
     """Take the network away, or say that it cannot be."""
-    if not seal_off_network():
+    if not drop_network():
         log.warning("this system has no seccomp: the process that decodes files keeps its network")
 
 
@@ -162,7 +162,7 @@ def _decoded(role: str, cloud: CloudInput, task: Task, blobs: BlobStore) -> Deco
         if cloud.cloud is None or cloud.reading:
             decoded = read_points(path, **cloud.reading)
         else:  # it will be referred to again
-            prepared = PreparedClouds(task.data_dir / "prepared")
+            prepared = DecodedCache(task.data_dir / "prepared")
             decoded = prepared.decoded(
                 task.tenant, cloud.sha256, lambda: read_points(path), task.scratch
             )

@@ -14,8 +14,8 @@ import numpy as np
 from service.clouds.transform import merged, moved
 from service.formats import read_points, write_cloud
 from service.problems import JobTimeoutError, ServiceError
-from service.workers.sandbox.limits import Limits, confine
-from service.workers.sandbox.seccomp import seal_off_network
+from service.workers.sandbox.limits import Limits, apply_limits
+from service.workers.sandbox.seccomp import drop_network
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +63,8 @@ def write_aligned(alignment: Alignment) -> None:
 def main() -> None:
     """The child: reads the alignment from its standard input."""
     wanted = Alignment(**json.load(sys.stdin))
-    confine(Limits(memory_bytes=wanted.memory_bytes, cpu_s=int(wanted.timeout_s) + 10))
-    seal_off_network()
+    apply_limits(Limits(memory_bytes=wanted.memory_bytes, cpu_s=int(wanted.timeout_s) + 10))
+    drop_network()
     source = read_points(wanted.source, **wanted.source_reading, attributes=True)
     cloud = moved(source, np.array(wanted.transform))
     if wanted.target is not None:

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from service.clouds.inputs import CloudInput
-from service.outbound import KnownFiles, fetch
+from service.outbound import HttpCache, fetch
 from service.problems import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore
 from service.workers.task import FetchTask
@@ -22,7 +22,7 @@ def fetched(task: FetchTask, report: Callable[[str, float], None]) -> dict[str, 
     """Source and target as they are once they are here; AddressRefusedError, FetchError."""
     report("fetch", 0.0)
     blobs = BlobStore(task.data_dir, incoming=task.scratch)
-    known = KnownFiles(task.data_dir, blobs, task.tenant)
+    known = HttpCache(task.data_dir, blobs, task.tenant)
     return {
         role: asdict(_here(role, cloud, task, blobs, known))
         for role, cloud in (("source", task.source), ("target", task.target))
@@ -30,7 +30,7 @@ def fetched(task: FetchTask, report: Callable[[str, float], None]) -> dict[str, 
 
 
 def _here(
-    role: str, cloud: CloudInput, task: FetchTask, blobs: BlobStore, known: KnownFiles
+    role: str, cloud: CloudInput, task: FetchTask, blobs: BlobStore, known: HttpCache
 ) -> CloudInput:
     if not is_needed(cloud):
         return cloud

@@ -15,16 +15,16 @@ from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.scratch import discard_scratch
-from service.telemetry.json_logs import about_job
+from service.telemetry.json_logs import job_context
 from service.workers.child import Child, prepare_forkserver
-from service.workers.supervisor import LEASE_S, Worker
+from service.workers.supervisor import LEASE_S, AttemptSupervisor
 
 POLL_S = 1.0
 
 log = logging.getLogger(__name__)
 
 
-class Queue:
+class WorkerPool:
     """Runs as many jobs at once as there are workers; the store says which is next."""
 
     def __init__(
@@ -105,7 +105,7 @@ class Queue:
         self._running[job.id] = (job, child)
 
     def _serve(self) -> None:
-        worker = Worker(
+        worker = AttemptSupervisor(
             self._store, self._blobs, self._settings, self._announce, self._remember, self._ended
         )
         while not self._stopping.is_set():
@@ -118,14 +118,14 @@ class Queue:
                 self._stopping.wait(POLL_S)
         worker.standby.close()
 
-    def _work_or_wait(self, worker: Worker) -> None:
+    def _work_or_wait(self, worker: AttemptSupervisor) -> None:
         job = self._store.claim(lease_s=LEASE_S)
         if job is None:
             self._wake.acquire(timeout=POLL_S)
             return
         try:
             self._announce(job.id, progress=True)
-            with about_job(job.id):
+            with job_context(job.id):
                 worker.work(job)
         finally:
             self._running.pop(job.id, None)

@@ -10,7 +10,7 @@ START_S = 120.0
 """Seconds that a child may take: before the first, the forkserver may have to compile kernels."""
 
 
-class Standby:
+class SpareChild:
     """Belongs to one worker thread."""
 
     def __init__(self) -> None:

@@ -30,7 +30,7 @@ from service.storage.scratch import scratch_of
 from service.workers.child import Child, ChildLostError
 from service.workers.fetch_inputs import is_needed
 from service.workers.sandbox.limits import Limits
-from service.workers.spare import Standby
+from service.workers.spare import SpareChild
 from service.workers.task import FetchTask, Task
 
 LEASE_S = 30.0
@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Worker:
+class AttemptSupervisor:
     """Runs attempts, each in a child process; belongs to one thread, which waits meanwhile."""
 
     store: JobStore
@@ -54,7 +54,7 @@ class Worker:
     """Called with the job and its child, so that a cancel can kill it."""
     ended: Callable[[JobRow], None]
     """Called with the job's row when an attempt has ended the job."""
-    standby: Standby = field(default_factory=Standby)
+    standby: SpareChild = field(default_factory=SpareChild)
 
     def work(self, job: JobRow) -> None:
         """One attempt at a claimed job, to its end in the store."""

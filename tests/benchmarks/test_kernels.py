@@ -8,7 +8,7 @@ import pytest
 
 from mpe_core import register
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from mpe_core.paper.force_field import ExactField
 from mpe_core.paper.trimmed_icp import trimmed_icp
@@ -31,13 +31,13 @@ def test_checks_and_centring(benchmark, cloud):
 
 
 def test_nearest_points(benchmark, cloud):
-    distance, _ = benchmark(Neighbours(cloud).nearest, cloud)
+    distance, _ = benchmark(NearestNeighbors(cloud).nearest, cloud)
     assert not distance.any()
 
 
 def test_trimmed_icp(benchmark, cloud):
     T = pose(axis_rotation(np.ones(3), 0.1), np.full(3, 0.01))
-    start = (apply(T, cloud), Neighbours(cloud), np.eye(4), None, 100, lambda fraction: None)
+    start = (apply(T, cloud), NearestNeighbors(cloud), np.eye(4), None, 100, lambda fraction: None)
     found = benchmark(trimmed_icp, *start)
     np.testing.assert_allclose(found.T_target_source @ T, np.eye(4), atol=1e-6)
 

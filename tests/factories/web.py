@@ -13,10 +13,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_network
 from typing import Any
 
-from service.outbound.url_policy import Rules
+from service.outbound.url_policy import UrlPolicy
 
 LOOPBACK = (ip_network("127.0.0.0/8"), ip_network("::1/128"))
-OPEN = Rules(networks=LOOPBACK)
+OPEN = UrlPolicy(networks=LOOPBACK)
 """Everything public, and this machine, which stands for the public network in these tests."""
 CONTENT = bytes(range(256)) * 400
 

@@ -14,7 +14,7 @@ LINGER_BYTES = 64 * 2**20
 LINGER_S = 5.0
 
 
-class LingeringClose:
+class DrainBodyMiddleware:
     """ASGI middleware."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -19,7 +19,7 @@ _IDENTITY = re.compile(r"[A-Za-z0-9._-]{1,64}")
 log = logging.getLogger(__name__)
 
 
-class Access:
+class RequestLogMiddleware:
     """ASGI middleware: gives each request an id (the caller's X-Request-ID, if it is a word)."""
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:

@@ -61,7 +61,7 @@ def protect(headers: MutableHeaders, scope: Scope) -> None:
         headers.setdefault("Strict-Transport-Security", HSTS)
 
 
-class SecurityHeaders:
+class SecurityHeadersMiddleware:
     """ASGI middleware."""
 
     def __init__(self, app: ASGIApp) -> None:

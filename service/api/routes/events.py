@@ -13,7 +13,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import CurrentService, KnownJob
-from service.api.long_poll import look_every_s
+from service.api.long_poll import poll_interval_s
 from service.jobs.model import JobEvent, is_terminal
 from service.schemas import Event
 from service.schemas.options import EXACT
@@ -52,7 +52,7 @@ async def events(
             if not news and await run_in_threadpool(_is_over, service, job.id):
                 return  # removed, or the service stops: the client comes back with Last-Event-ID
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(changed.wait(), look_every_s(service))
+                await asyncio.wait_for(changed.wait(), poll_interval_s(service))
 
 
 def _is_over(service: CurrentService, job_id: str) -> bool:

@@ -22,14 +22,14 @@ from service.api.dependencies import (
     known,
 )
 from service.api.error_handlers import ProblemResponse
-from service.api.long_poll import settled
+from service.api.long_poll import wait_until_ended
 from service.api.submission import Submission
 from service.database.pagination import CURSOR, decode_cursor, encode_cursor
 from service.jobs.accept import Idempotency
 from service.jobs.fingerprint import work_key
 from service.jobs.listing import Filter
 from service.jobs.model import JobRow, JobStatus, is_terminal
-from service.runtime import Service
+from service.runtime import Runtime
 from service.schemas import Job, JobPage, RegistrationRequest
 from service.schemas.serialize_job import document, summary
 
@@ -90,7 +90,7 @@ async def create(
     )
     service.queue.notify()
     if wait_s is not None:
-        job = await settled(service, caller.tenant, job.id, wait_s) or job
+        job = await wait_until_ended(service, caller.tenant, job.id, wait_s) or job
     return await _accepted(job, wait_s, service)
 
 
@@ -139,7 +139,7 @@ async def get(
     job_id: str, wait_s: PreferredWait, service: CurrentService, caller: CurrentCaller
 ) -> Response:
     """The job as it is now, or with `Prefer: wait=N` as soon as it has ended."""
-    job = known(await settled(service, caller.tenant, job_id, wait_s or 0.0))
+    job = known(await wait_until_ended(service, caller.tenant, job_id, wait_s or 0.0))
     headers = _applied(wait_s)
     if not is_terminal(job.status):
         headers["Retry-After"] = str(RETRY_AFTER_S)
@@ -184,7 +184,7 @@ def _new_job(submission: Submission, tenant: str) -> JobRow:
     )
 
 
-async def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Response:
+async def _accepted(job: JobRow, wait_s: float | None, service: Runtime) -> Response:
     headers = {"Location": f"{router.prefix}/{job.id}", **_applied(wait_s)}
     if job.error is not None and job.error["status"] < 500:
         problem = {**job.error, "job": job.id}
@@ -200,7 +200,7 @@ async def _accepted(job: JobRow, wait_s: float | None, service: Service) -> Resp
     )
 
 
-async def _rendered(job: JobRow, service: Service) -> bytes:
+async def _rendered(job: JobRow, service: Runtime) -> bytes:
     """The job's document; only a result has to be read from the disk."""
     if job.result_sha256 is None:
         return document(job, service.blobs)

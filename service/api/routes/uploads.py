@@ -24,7 +24,7 @@ from service.problems import (
     TusVersionError,
     UnsupportedContentTypeError,
 )
-from service.runtime import Service
+from service.runtime import Runtime
 
 TUS_VERSION = "1.0.0"
 EXTENSIONS = "creation,expiration,termination"
@@ -166,7 +166,7 @@ async def _receive(request: Request, file: BinaryIO, room: int) -> None:
         await run_in_threadpool(os.fsync, file.fileno())
 
 
-def _after_piece(service: Service, upload: Upload) -> Upload:
+def _after_piece(service: Runtime, upload: Upload) -> Upload:
     """Turn a complete upload into a cloud; one that is no cloud is dropped."""
     complete = service.uploads.offset(upload) == upload.length
     if complete:
@@ -179,7 +179,7 @@ def _after_piece(service: Service, upload: Upload) -> Upload:
     return service.uploads.extend(upload, complete=complete)
 
 
-def _state(upload: Upload, service: Service) -> dict[str, str]:
+def _state(upload: Upload, service: Runtime) -> dict[str, str]:
     return {"Upload-Offset": str(service.uploads.offset(upload)), **_expiry(upload)}
 
 

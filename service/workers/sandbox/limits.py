@@ -67,7 +67,7 @@ def _prctl(option: int, value: int | bytes) -> None:
         ctypes.CDLL(None).prctl(option, value)
 
 
-def give_way(by: int) -> None:
+def lower_priority(by: int) -> None:
     """Let the processor serve others first; in a session of its own, which is set back as a whole.
 
     Where processes are in no control group Linux shares the processor among sessions first, and by
@@ -79,7 +79,7 @@ def give_way(by: int) -> None:
         session.write(str(niceness))
 
 
-def confine(limits: Limits) -> None:
+def apply_limits(limits: Limits) -> None:
     """Bound this process, for good."""
     os.setsid()
     bounds = {

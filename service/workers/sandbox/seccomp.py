@@ -57,7 +57,7 @@ class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
 
 
-def seal_off_network() -> bool:
+def drop_network() -> bool:
     """Take the network from this process, its threads and its children.
 
     False where that cannot be done: not on Linux, another processor, a kernel without seccomp.

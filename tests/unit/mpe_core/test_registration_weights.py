@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.geometry.sampling import random_rows
 from mpe_core.paper.algorithm1 import EPS, descend
@@ -163,7 +163,7 @@ def test_trimming_by_weight_is_trimming_of_copies(seed, overlap):
 
 def icp(source, target, overlap=None, K=None, masses=None):
     return trimmed_icp(
-        source, Neighbours(target), np.eye(4), overlap, 100, lambda fraction: None, K, masses
+        source, NearestNeighbors(target), np.eye(4), overlap, 100, lambda fraction: None, K, masses
     ).T_target_source
 
 

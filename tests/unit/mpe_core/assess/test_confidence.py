@@ -86,7 +86,7 @@ def accepted(street, *, right, near=False):
 def test_patches_of_ground_seldom_pass_where_they_do_not_belong(street, monkeypatch):
     """Of eight six are found elsewhere, 4 to 15 m off; one of these is accepted."""
     assert accepted(street, right=False) <= 2
-    monkeypatch.setattr("mpe_core.evaluator.free_count", lambda information: 0)
+    monkeypatch.setattr("mpe_core.evaluator.count_degenerate", lambda information: 0)
     assert accepted(street, right=False) >= 4, "the free directions make the difference"
 
 

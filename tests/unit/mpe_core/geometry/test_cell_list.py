@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.geometry.cell_list import LARGE, CellList, arranged, grid, thin
+from mpe_core.geometry.cell_list import LARGE, CellList, bucket_order, grid, voxel_downsample
 from tests.factories.clouds import bunny
 
 REACH = 0.1
@@ -64,7 +64,7 @@ def large(cloud):
 
 def test_buckets_hold_whole_cubes(large):
     origin, edge = grid(large, 0.02)
-    ordered, rows, bounds = arranged(large, origin, edge)
+    ordered, rows, bounds = bucket_order(large, origin, edge)
     np.testing.assert_array_equal(ordered, large[rows])
     np.testing.assert_array_equal(np.sort(rows), np.arange(len(large)))
     cube = np.floor((ordered - origin) * (1 / edge)).astype(int)
@@ -81,7 +81,9 @@ def test_the_bits_of_a_large_cloud_do_not_depend_on_threads(large):
         cells = CellList(large, 0.02)
         planes = cells.planes(large)
         nearest = cells.nearest_given(large[::-1].copy())
-        bits.add(thin(large, 0.02).tobytes() + planes.normals.tobytes() + nearest.tobytes())
+        bits.add(
+            voxel_downsample(large, 0.02).tobytes() + planes.normals.tobytes() + nearest.tobytes()
+        )
     numba.set_num_threads(before)
     assert len(bits) == 1
 
@@ -98,7 +100,7 @@ def test_nearest_of_a_large_cloud_are_rows_as_given(large):
 @pytest.mark.parametrize("which", ["cloud", "large"])
 def test_thinning_keeps_one_mean_a_cube(which, request):
     cloud, edge = request.getfixturevalue(which), 0.2
-    means = thin(cloud, edge)
+    means = voxel_downsample(cloud, edge)
     cube = np.floor((cloud - cloud.min(axis=0)) / np.float32(edge)).astype(int)
     _, member = np.unique(cube, axis=0, return_inverse=True)
     expected = np.array([cloud[member == k].mean(axis=0) for k in range(member.max() + 1)])

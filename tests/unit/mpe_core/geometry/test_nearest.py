@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.geometry.cell_list import LARGE, occupied
+from mpe_core.geometry.cell_list import LARGE, count_occupied
 from mpe_core.geometry.nearest import PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
 from tests.factories.clouds import bunny
 
@@ -24,7 +24,7 @@ def dense(cloud):
 
 @pytest.fixture(scope="module")
 def roomy(dense):
-    return PROBE * np.sqrt(ROOMY * occupied(dense.astype(np.float32), PROBE) / len(dense))
+    return PROBE * np.sqrt(ROOMY * count_occupied(dense.astype(np.float32), PROBE) / len(dense))
 
 
 def assert_nearest(queries, cloud, reach):

@@ -5,7 +5,7 @@ import pytest
 
 from mpe_core.assess.inliers import inlier_threshold
 from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.geometry.nearest import Neighbours
+from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.paper.trimmed_icp import trimmed_count, trimmed_icp
 from tests.factories.checks import assert_pose_close
@@ -20,7 +20,7 @@ def nudge(degrees, shift, seed=0):
 
 
 def refined(source, target, T, overlap=None, max_iterations=100):
-    return trimmed_icp(source, Neighbours(target), T, overlap, max_iterations, lambda f: None)
+    return trimmed_icp(source, NearestNeighbors(target), T, overlap, max_iterations, lambda f: None)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -96,9 +96,9 @@ def test_the_inlier_threshold_follows_the_noise_and_never_falls_below_the_spacin
 
 def test_points_are_their_own_nearest_neighbours(data):
     cloud = points_of(data / "bunny_whole" / "bun_zipper_res4.ply")
-    distance, row = Neighbours(cloud).nearest(cloud)
+    distance, row = NearestNeighbors(cloud).nearest(cloud)
     assert not distance.any()
     np.testing.assert_array_equal(cloud[row], cloud)
-    distance, row = Neighbours(cloud).nearest(cloud + 9, reach=1.0)
+    distance, row = NearestNeighbors(cloud).nearest(cloud + 9, reach=1.0)
     assert np.isinf(distance).all()
     assert (row == len(cloud)).all()

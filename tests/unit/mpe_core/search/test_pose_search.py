@@ -14,8 +14,8 @@ from mpe_core.geometry.sampling import weighted_rows
 from mpe_core.kernels.energy_descent import descend
 from mpe_core.kernels.farthest_point import farthest_order
 from mpe_core.kernels.translation_votes import best_translations, direction_bin
-from mpe_core.search.nearest_lattice import nearest_field
-from mpe_core.search.pose_prior import Knowledge
+from mpe_core.search.nearest_lattice import nearest_lattice
+from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import AGREEMENT, QUICK, bin_directions, distinct, find_poses
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import bunny, moved, real_pair
@@ -91,7 +91,7 @@ def test_votes_are_the_histogram_of_all_differences():
 
 
 def test_the_field_names_a_nearest_point_within_a_cell(model):
-    field = nearest_field(model)
+    field = nearest_lattice(model)
     cells = np.random.default_rng(7).integers(0, field.rows.shape, (2000, 3))
     centres = field.origin + (cells + 0.5) * field.cell
     named = np.linalg.norm(model.points[field.rows[tuple(cells.T)]] - centres, axis=1)
@@ -102,7 +102,7 @@ def test_the_field_names_a_nearest_point_within_a_cell(model):
 
 
 def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
-    field = nearest_field(model)
+    field = nearest_lattice(model)
     rng = np.random.default_rng(8)
     starts = np.array(
         [
@@ -143,7 +143,7 @@ def test_the_best_candidate_is_the_true_pose(data):
     trial = moved(bunny(data), np.random.default_rng(9), largest_deg=180)
     x, y = (c - c.mean(axis=0) for c in (trial.source, trial.target))
     found = find_poses(
-        scan(x).surface, nearest_field(scan(y).surface), QUICK, Knowledge(), 0, lambda f: None
+        scan(x).surface, nearest_lattice(scan(y).surface), QUICK, PosePrior(), 0, lambda f: None
     )
     assert rotation_error(found.poses[0], trial.T_target_source) < 1
     assert (np.diff(found.scores) <= 0).all()

@@ -16,8 +16,8 @@ from service.api import long_poll as waiting
 from service.auth.keys import DEFAULT_TENANT
 from service.clouds.inputs import CloudInput
 from service.jobs.model import JobRow
-from service.jobs.notifier import Changes
-from service.runtime import Service, running_service
+from service.jobs.notifier import JobNotifier
+from service.runtime import Runtime, running_service
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
 from tests.factories.clouds import knot
@@ -32,15 +32,17 @@ def test_the_end_is_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     async def wait() -> str:
         with running_service(Settings(data_dir=tmp_path), Metrics()) as service:
             job_id = _added(service)
-            settled = waiting.settled(service, DEFAULT_TENANT, job_id, 10 * PATIENCE_S)
-            job = await asyncio.wait_for(settled, PATIENCE_S)
+            wait_until_ended = waiting.wait_until_ended(
+                service, DEFAULT_TENANT, job_id, 10 * PATIENCE_S
+            )
+            job = await asyncio.wait_for(wait_until_ended, PATIENCE_S)
             assert job is not None
             return job.status
 
     assert asyncio.run(wait()) == "succeeded"
 
 
-def _added(service: Service) -> str:
+def _added(service: Runtime) -> str:
     file = io.BytesIO()
     np.save(file, knot(300, np.random.default_rng(0)))
     blob = service.blobs.put([file.getvalue()])
@@ -60,7 +62,7 @@ def _added(service: Service) -> str:
 
 def test_who_is_woken_by_what() -> None:
     async def wake() -> None:
-        changes = Changes()
+        changes = JobNotifier()
         with (
             changes.watch("a", progress=True) as follows,
             changes.watch("a", progress=False) as waits,

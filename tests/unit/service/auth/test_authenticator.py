@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from service.auth.authenticator import LOCAL, Caller, Gate
-from service.auth.bind_check import OpenToStrangersError, check_binding, is_loopback
-from service.auth.keys import KeyStore, Limits, parted
-from service.auth.rate_limit import RateLimit
+from service.auth.authenticator import ANONYMOUS, Authenticator, Caller
+from service.auth.bind_check import UnprotectedBindError, check_binding, is_loopback
+from service.auth.keys import KeyStore, Limits, split_key
+from service.auth.rate_limit import RateLimiter
 from service.database.engine import Database, open_database
 from service.problems import RateLimitedError, UnauthorizedError
 from service.settings import Settings
@@ -39,7 +39,7 @@ def test_a_tenant_has_a_plain_name(keys: KeyStore, name: str) -> None:
 
 def test_keys_are_long_and_never_the_same(keys: KeyStore) -> None:
     made = [keys.create("lab", "", Limits()) for _ in range(20)]
-    secrets = [found[1] for key in made if (found := parted(key))]
+    secrets = [found[1] for key in made if (found := split_key(key))]
     assert len(set(secrets)) == 20
     assert {len(secret) for secret in secrets} == {43}  # 256 bits, six in a letter
 
@@ -47,7 +47,7 @@ def test_keys_are_long_and_never_the_same(keys: KeyStore) -> None:
 def test_limits_of_a_key_go_before_those_of_the_settings(
     keys: KeyStore, settings: Settings
 ) -> None:
-    gate = Gate(keys, settings)
+    gate = Authenticator(keys, settings)
 
     def limits(own: Limits) -> Limits:
         return gate.identified([f"Bearer {keys.create('lab', '', own)}"]).limits
@@ -59,7 +59,7 @@ def test_limits_of_a_key_go_before_those_of_the_settings(
 def test_a_valid_key_is_remembered_and_a_wrong_secret_is_not(
     keys: KeyStore, settings: Settings
 ) -> None:
-    gate = Gate(keys, settings)
+    gate = Authenticator(keys, settings)
     given = [f"Bearer {keys.create('lab', '', Limits())}"]
     assert gate.remembered(given) is None
     caller = gate.identified(given)
@@ -72,18 +72,18 @@ def test_a_valid_key_is_remembered_and_a_wrong_secret_is_not(
 
 
 def test_open_until_the_first_key_and_never_again(keys: KeyStore, settings: Settings) -> None:
-    assert Gate(keys, settings).identified([]) == LOCAL
+    assert Authenticator(keys, settings).identified([]) == ANONYMOUS
     key = keys.create("lab", "", Limits())
     assert keys.revoke(key.split("_")[1])
     with pytest.raises(UnauthorizedError):
-        Gate(keys, settings).identified([])
+        Authenticator(keys, settings).identified([])
 
 
 @pytest.mark.parametrize("rate", [0.5, 1, 7, 100])
 def test_as_many_at_once_as_in_a_second(rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 1000.0
     monkeypatch.setattr("service.auth.rate_limit.time.monotonic", lambda: now)
-    limit, caller = RateLimit(), Caller("lab", Limits(rate), "key")
+    limit, caller = RateLimiter(), Caller("lab", Limits(rate), "key")
 
     def passed(tries: int) -> int:
         return sum(_passes(limit, caller) for _ in range(tries))
@@ -100,7 +100,7 @@ def test_as_many_at_once_as_in_a_second(rate: float, monkeypatch: pytest.MonkeyP
     assert evenly == 100
 
 
-def _passes(limit: RateLimit, caller: Caller) -> bool:
+def _passes(limit: RateLimiter, caller: Caller) -> bool:
     try:
         limit.count(caller)
     except RateLimitedError as error:
@@ -117,7 +117,7 @@ def test_this_machine_alone(host: str, settings: Settings) -> None:
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.7", "no-such-host.invalid"])
 def test_what_others_may_reach(host: str, settings: Settings, keys: KeyStore) -> None:
     assert not is_loopback(host)
-    with pytest.raises(OpenToStrangersError, match=r"mpe keys create.*MPE_ALLOW_OPEN=true"):
+    with pytest.raises(UnprotectedBindError, match=r"mpe keys create.*MPE_ALLOW_OPEN=true"):
         check_binding(host, settings)
     for told in ("allow_open", "require_keys"):
         check_binding(host, settings.model_copy(update={told: True}))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from service.auth.keys import KeyStore, Limits, parted
+from service.auth.keys import KeyStore, Limits, split_key
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database
@@ -100,7 +100,7 @@ def test_a_file_counts_once_for_its_tenant(database: Database) -> None:
 def test_a_key_is_found_until_it_is_revoked(database: Database) -> None:
     keys = KeyStore(database)
     assert not keys.exist()
-    known = parted(keys.create("lab", "bench", Limits(stored_bytes=2**40)))
+    known = split_key(keys.create("lab", "bench", Limits(stored_bytes=2**40)))
     assert known is not None
     key_id, secret = known
     key = keys.find(key_id)

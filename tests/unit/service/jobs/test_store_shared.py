@@ -15,7 +15,7 @@ from service.jobs.store import JobStore
 from service.problems import QueueFullError
 from service.storage.scratch import discard_scratch, scratch_of
 from service.webhooks import outbox as deliveries
-from service.webhooks.outbox import DeliveryStore
+from service.webhooks.outbox import Outbox
 from tests.unit.service.jobs.test_store import LEASE_S, add, claimed, new_job, open_store
 
 Stores = tuple[JobStore, JobStore]
@@ -84,7 +84,7 @@ def test_what_a_killed_sender_had_begun_is_sent_again(
 ) -> None:
     add(stores[0], callback_url="http://there/hook")
     stores[0].fail(claimed(stores[0]), {"detail": "x"}, {})
-    first, second = (DeliveryStore(database) for database in databases)
+    first, second = (Outbox(database) for database in databases)
     assert first.claim() is not None
     assert second.claim() is None
     monkeypatch.setattr(deliveries, "SENDING_S", -deliveries.SENDING_S)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from service.outbound.client import Door
-from service.outbound.deadline import TimeBounds
+from service.outbound.client import OutboundClient
+from service.outbound.deadline import TransferLimits
 from service.outbound.download import Download
-from service.outbound.http_cache import KnownFiles
-from service.outbound.url_policy import Rules
+from service.outbound.http_cache import HttpCache
+from service.outbound.url_policy import UrlPolicy
 from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
 from tests.factories.web import OPEN, Names, Web, serving
@@ -41,7 +41,7 @@ def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
 
     def fetched(
         url: str,
-        rules: Rules = OPEN,
+        rules: UrlPolicy = OPEN,
         *,
         tenant: str = "",
         max_bytes: int = 10**6,
@@ -50,9 +50,9 @@ def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
         min_bytes_s: float = 0,
         tls: object = None,
     ) -> Blob:
-        known = KnownFiles(tmp_path, blobs, tenant)
-        bounds = TimeBounds(total_s, stall_s, min_bytes_s)
-        door = Door(rules, resolve=names, tls=tls)
+        known = HttpCache(tmp_path, blobs, tenant)
+        bounds = TransferLimits(total_s, stall_s, min_bytes_s)
+        door = OutboundClient(rules, resolve=names, tls=tls)
         return Download(door, blobs, known, bounds=bounds, max_bytes=max_bytes).run(parse_url(url))
 
     return fetched

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from service.outbound.url_policy import Rules
+from service.outbound.url_policy import UrlPolicy
 from service.problems import (
     FetchError,
     FetchNameError,
@@ -39,7 +39,7 @@ def test_the_file_is_stored_by_its_hash(web: Web, fetch: Fetch, blobs: BlobStore
 
 
 def test_a_named_host_is_fetched_from(web: Web, fetch: Fetch) -> None:
-    assert fetch(web.url(), Rules(hosts=("files.example",), networks=LOOPBACK)).sha256 == SHA256
+    assert fetch(web.url(), UrlPolicy(hosts=("files.example",), networks=LOOPBACK)).sha256 == SHA256
 
 
 def test_over_ip_6(fetch: Fetch, names: Names) -> None:

@@ -6,7 +6,7 @@ import hashlib
 
 import pytest
 
-from service.outbound.http_cache import forget_removed
+from service.outbound.http_cache import prune_http_cache
 from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.storage.blobs import BlobStore
 from tests.factories.web import CONTENT, Handler, Names, Web
@@ -131,10 +131,10 @@ def test_what_is_known_of_removed_files_is_forgotten(
     blob = fetch(web.url("/file?X-Amz-Signature=secret"))
     (said,) = (blobs.root / "fetched").iterdir()
     assert "secret" not in said.read_text() + said.name
-    forget_removed(blobs.root, blobs)
+    prune_http_cache(blobs.root, blobs)
     assert said.exists()
     blobs.path(blob.sha256).unlink()
-    forget_removed(blobs.root, blobs)
+    prune_http_cache(blobs.root, blobs)
     assert not said.exists()
 
 

@@ -7,7 +7,7 @@ from ipaddress import ip_network
 import pytest
 
 from service.outbound.ip_policy import METADATA
-from service.outbound.url_policy import Rules, check_url
+from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
 from service.problems import AddressRefusedError
 from tests.factories.web import OPEN, Names, Web, serving
@@ -149,26 +149,26 @@ def test_what_programs_read_differently_is_not_read(url: str) -> None:
 @pytest.mark.parametrize("address", NOT_PUBLIC)
 def test_an_address_that_is_not_public_is_refused(address: str) -> None:
     with pytest.raises(AddressRefusedError, match="not on the public network"):
-        check_url(parse_url(literal(address)), Rules())
+        check_url(parse_url(literal(address)), UrlPolicy())
 
 
 @pytest.mark.parametrize("address", NOT_PUBLIC)
 def test_a_name_of_such_an_address_is_refused(address: str, fetch: Fetch, names: Names) -> None:
     names.answers["files.example"] = [address]
     with pytest.raises(AddressRefusedError, match="not on the public network") as refused:
-        fetch("http://files.example/file", Rules())
+        fetch("http://files.example/file", UrlPolicy())
     assert address not in str(refused.value)
     assert names.asked == ["files.example"]
 
 
 @pytest.mark.parametrize("address", PUBLIC)
 def test_public_addresses_are_not(address: str) -> None:
-    check_url(parse_url(literal(address)), Rules())
+    check_url(parse_url(literal(address)), UrlPolicy())
 
 
 @pytest.mark.parametrize("address", sorted(map(str, METADATA)))
 def test_secrets_of_the_machine_are_refused_whatever_is_opened(address: str) -> None:
-    everything = Rules(networks=(ip_network("0.0.0.0/0"), ip_network("::/0")))
+    everything = UrlPolicy(networks=(ip_network("0.0.0.0/0"), ip_network("::/0")))
     with pytest.raises(AddressRefusedError):
         check_url(parse_url(literal(address)), everything)
 
@@ -179,7 +179,7 @@ def test_a_server_on_this_machine_is_not_even_connected_to(
     names.answers["localhost.example"] = ["127.0.0.1"]
     for url in (web.url(host="127.0.0.1"), web.url(host="localhost.example")):
         with pytest.raises(AddressRefusedError):
-            fetch(url, Rules())
+            fetch(url, UrlPolicy())
     assert web.connections == 0
 
 
@@ -249,7 +249,7 @@ def test_a_redirect_is_checked_like_any_url(
     place = location.format(port=web.server_port)
     web.behaviours["/moved"] = lambda handler: handler.give(b"", 302, Location=place)
     with pytest.raises(AddressRefusedError):
-        fetch(web.url("/moved"), Rules(networks=(ip_network("127.0.0.1/32"),)))
+        fetch(web.url("/moved"), UrlPolicy(networks=(ip_network("127.0.0.1/32"),)))
     assert [path for path, _ in web.requests] == ["/moved"]
 
 
@@ -260,7 +260,7 @@ def test_a_redirect_to_a_host_that_is_not_named_is_refused(
     web.behaviours["/moved"] = lambda handler: handler.give(
         b"", 302, Location=web.url(host="other.example")
     )
-    rules = Rules(hosts=("files.example",), networks=OPEN.networks)
+    rules = UrlPolicy(hosts=("files.example",), networks=OPEN.networks)
     with pytest.raises(AddressRefusedError, match="MPE_URL_HOSTS"):
         fetch(web.url("/moved"), rules)
 
@@ -268,11 +268,11 @@ def test_a_redirect_to_a_host_that_is_not_named_is_refused(
 @pytest.mark.parametrize("port", [1, 22, 25, 81, 1023])
 def test_ports_of_other_services_are_refused(port: int) -> None:
     with pytest.raises(AddressRefusedError, match="port"):
-        check_url(parse_url(f"http://files.example:{port}/"), Rules())
+        check_url(parse_url(f"http://files.example:{port}/"), UrlPolicy())
 
 
 def test_ports_can_be_named() -> None:
-    rules = Rules(ports=(8443,))
+    rules = UrlPolicy(ports=(8443,))
     check_url(parse_url("https://files.example:8443/"), rules)
     with pytest.raises(AddressRefusedError, match="port"):
         check_url(parse_url("https://files.example/"), rules)

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from service.formats import DecodedCloud
-from service.storage.decoded_cache import PreparedClouds
+from service.storage.decoded_cache import DecodedCache
 
 HASH = "ab" * 32
 POINTS = np.random.default_rng(0).normal(size=(50, 3))
 
 
 @pytest.fixture
-def prepared(tmp_path: Path) -> PreparedClouds:
+def prepared(tmp_path: Path) -> DecodedCache:
     (tmp_path / "scratch").mkdir()
-    return PreparedClouds(tmp_path / "prepared")
+    return DecodedCache(tmp_path / "prepared")
 
 
-def decodings(prepared: PreparedClouds, scratch: Path, *tenants: str) -> int:
+def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
     """How often the file is decoded when these tenants refer to it in turn."""
     count = 0
 
@@ -36,11 +36,11 @@ def decodings(prepared: PreparedClouds, scratch: Path, *tenants: str) -> int:
     return count
 
 
-def test_once_for_each_tenant(prepared: PreparedClouds, tmp_path: Path) -> None:
+def test_once_for_each_tenant(prepared: DecodedCache, tmp_path: Path) -> None:
     assert decodings(prepared, tmp_path / "scratch", "lab", "lab", "lab-2", "lab") == 2
 
 
-def test_what_one_tenant_needs_no_more_is_dropped(prepared: PreparedClouds, tmp_path: Path) -> None:
+def test_what_one_tenant_needs_no_more_is_dropped(prepared: DecodedCache, tmp_path: Path) -> None:
     scratch = tmp_path / "scratch"
     assert decodings(prepared, scratch, "lab", "lab-2") == 2
     prepared.collect({("lab-2", HASH), ("lab", "cd" * 32)})
