@@ -1,9 +1,16 @@
-"""Problem documents (RFC 9457): what each exception means to a caller, in one table."""
+"""Exceptions of the service, and the problem document (RFC 9457) that each one becomes.
+
+A class states its problem once: HTTP status, type, title, and when the request may be repeated.
+Errors of `mpe_core` and `service.formats` know nothing of HTTP; FOREIGN_PROBLEMS lists theirs.
+Errors of fetching URLs are in `service.outbound.errors`.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from mpe_core import errors as core
 from service.formats.errors import CloudFileError, MissingAttributeError
@@ -11,221 +18,231 @@ from service.formats.errors import CloudFileError, MissingAttributeError
 TYPE_PREFIX = "urn:mpe:problem:"
 
 
+@dataclass(frozen=True, slots=True)
+class ProblemType:
+    """The members of a problem document that all problems of one type share."""
+
+    status: int
+    slug: str
+    """Last part of the type URI, after TYPE_PREFIX."""
+    title: str
+
+
+INTERNAL = ProblemType(500, "internal-error", "Something went wrong in the service")
+"""The type of every exception that has none of its own."""
+
+
 class ServiceError(Exception):
-    """Root of what the service raises on purpose; the message becomes the problem's detail."""
+    """Root of the exceptions that the service raises on purpose.
+
+    Parameters
+    ----------
+    detail : str
+        What was expected, what came and what to do; shown to the caller.
+    retry_after_s : float, optional
+        Seconds until the request may be repeated; default: that of the class.
+    headers : dict, optional
+        Further headers of the response.
+    members : dict, optional
+        Further members of the problem document.
+    """
+
+    problem: ClassVar[ProblemType] = INTERNAL
+    retry_after_s: ClassVar[float | None] = None
+    """Seconds until the request may be repeated (header Retry-After); None: not stated."""
 
     def __init__(
         self,
         detail: str,
         *,
+        retry_after_s: float | None = None,
         headers: dict[str, str] | None = None,
         members: dict[str, Any] | None = None,
     ) -> None:
         super().__init__(detail)
-        self.headers = headers or {}
+        self.headers = dict(headers or {})
         self.members = members or {}
+        wait_s = self.retry_after_s if retry_after_s is None else retry_after_s
+        if wait_s is not None:
+            self.headers["Retry-After"] = str(math.ceil(wait_s))
 
 
 class InvalidRequestError(ServiceError):
-    """The request is well formed but says something that cannot be done."""
+    """The request is well formed, but asks for something impossible."""
+
+    problem = ProblemType(422, "invalid-request", "The request is not valid")
 
 
 class MalformedBodyError(ServiceError):
-    """The body does not parse as what its content type says."""
+    """The body does not parse as its content type."""
+
+    problem = ProblemType(400, "malformed-body", "The body cannot be parsed")
 
 
 class UnsupportedContentTypeError(ServiceError):
     """The body is neither multipart/form-data nor application/json."""
 
+    problem = ProblemType(415, "unsupported-content-type", "The content type is not supported")
+
+
+class UnauthorizedError(ServiceError):
+    """A key is required, and none or an invalid one was sent."""
+
+    problem = ProblemType(401, "unauthorized", "A valid key is needed")
+
+
+class HostRefusedError(ServiceError):
+    """A request without a key names a host that is not allowed."""
+
+    problem = ProblemType(421, "host-refused", "Host not allowed")
+
+
+class OriginRefusedError(ServiceError):
+    """A page of another origin sent a request without a key that changes something."""
+
+    problem = ProblemType(403, "origin-refused", "Pages of this origin may not call")
+
 
 class NotAcceptableError(ServiceError):
-    """The caller accepts none of the formats that there are."""
+    """The Accept header names no format that the resource has."""
+
+    problem = ProblemType(406, "not-acceptable", "None of the accepted formats exists")
 
 
 class BodyTooLargeError(ServiceError):
     """The body exceeds MPE_MAX_BODY_BYTES."""
 
-
-class UnauthorizedError(ServiceError):
-    """No key was given where one is needed, or one that is not valid."""
-
-
-class HostRefusedError(ServiceError):
-    """No key was given, and the service was called by a name that is not its own."""
-
-
-class OriginRefusedError(ServiceError):
-    """No key was given, and a page of another site would change something."""
-
-
-class RateLimitedError(ServiceError):
-    """The key was used more often than it may."""
-
-
-class QuotaExceededError(ServiceError):
-    """The tenant has as much waiting or stored as it may."""
+    problem = ProblemType(413, "body-too-large", "The body is too large")
 
 
 class UnknownRegistrationError(ServiceError):
     """No registration has this id, or it was removed."""
 
+    problem = ProblemType(404, "unknown-registration", "There is no such registration")
+
 
 class UnknownCloudError(ServiceError):
     """No cloud has this id, or it was removed or has expired."""
+
+    problem = ProblemType(404, "unknown-cloud", "There is no such cloud")
 
 
 class UnknownUploadError(ServiceError):
     """No upload has this id, or it was removed or has expired."""
 
+    problem = ProblemType(404, "unknown-upload", "There is no such upload")
+
 
 class UploadConflictError(ServiceError):
-    """A piece does not begin where the upload ends."""
+    """The Upload-Offset of a PATCH is not the number of bytes received so far."""
+
+    problem = ProblemType(409, "upload-conflict", "Upload-Offset does not match")
 
 
 class TusVersionError(ServiceError):
-    """The request does not speak the version of tus that is spoken here."""
+    """The Tus-Resumable header names no supported version."""
+
+    problem = ProblemType(412, "tus-version", "The version of tus is not spoken")
 
 
 class ResultNotReadyError(ServiceError):
-    """The registration has not succeeded, so there is no result to fetch."""
+    """The registration has not succeeded, so it has no result."""
 
-
-class AddressRefusedError(ServiceError):
-    """A URL was given, but no host may be called, or not this one."""
-
-
-class FetchError(ServiceError):
-    """A URL could not be fetched."""
-
-
-class FetchNameError(FetchError):
-    """The URL's host has no address."""
-
-
-class FetchTlsError(FetchError):
-    """The URL's server is not who it should be, or does not speak TLS."""
-
-
-class FetchStatusError(FetchError):
-    """The URL's server answered, but did not give the file."""
-
-
-class FetchTooLargeError(FetchError):
-    """The URL gives more than may be fetched."""
-
-
-class FetchTooSlowError(FetchError):
-    """The URL's file did not come in time."""
-
-
-class FetchUnreachableError(FetchError):
-    """No connection to the URL's server could be made."""
-
-
-class FetchCutError(FetchError):
-    """The connection to the URL's server ended early."""
+    problem = ProblemType(409, "result-not-ready", "There is no result")
 
 
 class QueueFullError(ServiceError):
-    """As many registrations wait as may wait."""
+    """MPE_QUEUE_LIMIT registrations are waiting."""
+
+    problem = ProblemType(429, "queue-full", "The queue is full")
+    retry_after_s = 5
+
+
+class RateLimitedError(ServiceError):
+    """The key was used more often than its requests per second allow."""
+
+    problem = ProblemType(429, "rate-limited", "Too many requests")
+
+
+class QuotaExceededError(ServiceError):
+    """The tenant has as many registrations waiting, or bytes stored, as its limits allow."""
+
+    problem = ProblemType(429, "quota-exceeded", "The tenant's share is used up")
+    retry_after_s = 60
 
 
 class IdempotencyMismatchError(ServiceError):
-    """Another request was made under the same Idempotency-Key."""
+    """The Idempotency-Key was first used with another request."""
+
+    problem = ProblemType(
+        422, "idempotency-mismatch", "The Idempotency-Key belongs to another request"
+    )
 
 
 class IdempotencyInFlightError(ServiceError):
-    """The first request under the same Idempotency-Key is still being read."""
+    """The first request with the same Idempotency-Key has not been answered yet."""
+
+    problem = ProblemType(
+        409, "idempotency-in-flight", "The first request under this key is still in flight"
+    )
+    retry_after_s = 1
 
 
 class NoDeliveryError(ServiceError):
-    """The registration has not ended, or was given no callback_url."""
+    """The registration has not ended, or has no callback_url."""
+
+    problem = ProblemType(409, "no-delivery", "There is nothing to deliver")
 
 
 class ExpiredError(ServiceError):
-    """There was a result, but it was kept long enough."""
+    """The result existed and was removed after its retention time."""
+
+    problem = ProblemType(410, "expired", "The result has expired")
 
 
 class OverloadedError(ServiceError):
-    """Too little disk or memory is left to take on more."""
+    """Too little disk or memory is left to accept more."""
+
+    problem = ProblemType(503, "overloaded", "The service is short of disk or memory")
+    retry_after_s = 30
 
 
 class DeadlineError(ServiceError):
-    """The caller's deadline passed first."""
+    """The caller's deadline passed before the registration ended."""
+
+    problem = ProblemType(504, "deadline-passed", "The deadline passed")
 
 
 class NotReadyError(ServiceError):
-    """The workers are not warm yet, or the service is stopping."""
+    """The workers are starting, the service is stopping, or the job store does not answer."""
+
+    problem = ProblemType(503, "not-ready", "The service is not ready")
+    retry_after_s = 5
 
 
 class JobTimeoutError(ServiceError):
-    """The attempt ran longer than it may."""
+    """The attempt took longer than MPE_JOB_TIMEOUT_S."""
+
+    problem = ProblemType(504, "job-timeout", "The registration took too long")
 
 
 class JobMemoryError(ServiceError):
-    """The attempt needed more memory than it may take."""
+    """The attempt needed more than MPE_JOB_MEMORY_BYTES."""
+
+    problem = ProblemType(507, "job-memory", "The registration needs too much memory")
 
 
 class WorkerLostError(ServiceError):
-    """The worker ended without an answer, again and again."""
+    """Every attempt ended without an answer of its worker."""
+
+    problem = ProblemType(500, "worker-lost", "The worker ended without an answer")
 
 
-@dataclass(frozen=True, slots=True)
-class ProblemType:
-    """What stays the same in every problem of one kind."""
-
-    status: int
-    name: str
-    title: str
-
-
-INVALID_WEIGHTS = ProblemType(422, "invalid-weights", "The weights do not fit the cloud")
-PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
-    InvalidRequestError: ProblemType(422, "invalid-request", "The request is not valid"),
-    MalformedBodyError: ProblemType(400, "malformed-body", "The body cannot be parsed"),
-    UnsupportedContentTypeError: ProblemType(
-        415, "unsupported-content-type", "The content type is not supported"
-    ),
-    UnauthorizedError: ProblemType(401, "unauthorized", "A valid key is needed"),
-    HostRefusedError: ProblemType(421, "host-refused", "The service has another name"),
-    OriginRefusedError: ProblemType(403, "origin-refused", "Pages of this origin may not call"),
-    NotAcceptableError: ProblemType(406, "not-acceptable", "None of the accepted formats exists"),
-    BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
-    UnknownRegistrationError: ProblemType(
-        404, "unknown-registration", "There is no such registration"
-    ),
-    UnknownCloudError: ProblemType(404, "unknown-cloud", "There is no such cloud"),
-    UnknownUploadError: ProblemType(404, "unknown-upload", "There is no such upload"),
-    UploadConflictError: ProblemType(409, "upload-conflict", "The upload is elsewhere"),
-    TusVersionError: ProblemType(412, "tus-version", "The version of tus is not spoken"),
-    ResultNotReadyError: ProblemType(409, "result-not-ready", "There is no result"),
-    AddressRefusedError: ProblemType(403, "address-refused", "The URL may not be called"),
-    FetchError: ProblemType(422, "fetch-failed", "The URL could not be fetched"),
-    FetchNameError: ProblemType(422, "fetch-name", "The URL's host is unknown"),
-    FetchTlsError: ProblemType(422, "fetch-tls", "The URL's server cannot be trusted"),
-    FetchStatusError: ProblemType(422, "fetch-status", "The URL does not give a file"),
-    FetchTooLargeError: ProblemType(422, "fetch-too-large", "The URL's file is too large"),
-    FetchTooSlowError: ProblemType(422, "fetch-too-slow", "The URL's file comes too slowly"),
-    QueueFullError: ProblemType(429, "queue-full", "The queue is full"),
-    RateLimitedError: ProblemType(429, "rate-limited", "Too many requests"),
-    QuotaExceededError: ProblemType(429, "quota-exceeded", "The tenant's share is used up"),
-    IdempotencyMismatchError: ProblemType(
-        422, "idempotency-mismatch", "The Idempotency-Key belongs to another request"
-    ),
-    IdempotencyInFlightError: ProblemType(
-        409, "idempotency-in-flight", "The first request under this key is still in flight"
-    ),
-    NoDeliveryError: ProblemType(409, "no-delivery", "There is nothing to deliver"),
-    ExpiredError: ProblemType(410, "expired", "The result has expired"),
-    OverloadedError: ProblemType(503, "overloaded", "The service is short of disk or memory"),
-    DeadlineError: ProblemType(504, "deadline-passed", "The deadline passed"),
-    NotReadyError: ProblemType(503, "not-ready", "The service is not ready"),
-    JobTimeoutError: ProblemType(504, "job-timeout", "The registration took too long"),
-    JobMemoryError: ProblemType(507, "job-memory", "The registration needs too much memory"),
-    WorkerLostError: ProblemType(500, "worker-lost", "The worker ended without an answer"),
+_INVALID_WEIGHTS = ProblemType(422, "invalid-weights", "The weights do not fit the cloud")
+FOREIGN_PROBLEMS: dict[type[Exception], ProblemType] = {
     CloudFileError: ProblemType(422, "unreadable-cloud", "The file is not a readable point cloud"),
-    MissingAttributeError: INVALID_WEIGHTS,
-    core.InvalidWeightsError: INVALID_WEIGHTS,
+    MissingAttributeError: _INVALID_WEIGHTS,
+    core.InvalidWeightsError: _INVALID_WEIGHTS,
     core.InvalidOptionsError: ProblemType(422, "invalid-options", "The options are not valid"),
     core.CloudShapeError: ProblemType(422, "cloud-shape", "The cloud is not a list of 3-D points"),
     core.TooFewPointsError: ProblemType(422, "too-few-points", "The cloud has too few points"),
@@ -237,21 +254,35 @@ PROBLEM_TYPES: dict[type[Exception], ProblemType] = {
     ),
     core.RegistrationError: ProblemType(422, "registration-error", "The clouds cannot be aligned"),
 }
-INTERNAL = ProblemType(500, "internal-error", "Something went wrong in the service")
+"""Problem types of exceptions that are defined below the service; subclasses inherit them."""
 
 
 def problem_type(error: BaseException) -> ProblemType:
-    """The kind of problem that the exception is; INTERNAL when it was not foreseen."""
+    """Return the type of problem that an exception is; INTERNAL when it was not foreseen."""
+    if isinstance(error, ServiceError):
+        return error.problem
     for ancestor in type(error).__mro__:
-        if ancestor in PROBLEM_TYPES:
-            return PROBLEM_TYPES[ancestor]
+        if ancestor in FOREIGN_PROBLEMS:
+            return FOREIGN_PROBLEMS[ancestor]
     return INTERNAL
 
 
-def problem(kind: ProblemType, detail: str, **members: Any) -> dict[str, Any]:
-    """The problem document; further members extend it."""
+def all_problem_types() -> list[ProblemType]:
+    """Return every problem type of the modules imported so far, each once."""
+    own = (error.problem for error in _subclasses(ServiceError))
+    return list(dict.fromkeys((*own, *FOREIGN_PROBLEMS.values(), INTERNAL)))
+
+
+def _subclasses(error: type[ServiceError]) -> Iterator[type[ServiceError]]:
+    for subclass in error.__subclasses__():
+        yield subclass
+        yield from _subclasses(subclass)
+
+
+def problem_document(kind: ProblemType, detail: str, **members: Any) -> dict[str, Any]:
+    """Return the problem document of this type; further members extend it."""
     return {
-        "type": TYPE_PREFIX + kind.name,
+        "type": TYPE_PREFIX + kind.slug,
         "title": kind.title,
         "status": kind.status,
         "detail": detail,
@@ -259,6 +290,6 @@ def problem(kind: ProblemType, detail: str, **members: Any) -> dict[str, Any]:
     }
 
 
-def error_problem(error: Exception) -> dict[str, Any]:
-    """The problem document of an exception of the table."""
-    return problem(problem_type(error), str(error))
+def error_document(error: Exception) -> dict[str, Any]:
+    """Return the problem document of an exception, without its further members."""
+    return problem_document(problem_type(error), str(error))

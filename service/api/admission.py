@@ -15,8 +15,6 @@ from service.jobs.accept import check_queue_limit, check_tenant_queue_limit
 from service.problems import NotReadyError, OverloadedError
 from service.runtime import Runtime
 
-RETRY_AFTER_S = 30
-
 
 @asynccontextmanager
 async def reserve_body_bytes(
@@ -43,7 +41,7 @@ def admit(service: Runtime, caller: Caller, size: int) -> None:
     """
     settings = service.settings
     if service.queue.is_stopping:
-        raise NotReadyError("The service is stopping.", headers={"Retry-After": "5"})
+        raise NotReadyError("The service is stopping; retry later.")
     check_queue_limit(service.store.count("queued"), settings.queue_limit)
     if caller.limits.queue_limit is not None:
         check_tenant_queue_limit(
@@ -57,7 +55,4 @@ def admit(service: Runtime, caller: Caller, size: int) -> None:
 
 
 def _overloaded(resource: str) -> OverloadedError:
-    return OverloadedError(
-        f"Too little {resource} is left; try again later.",
-        headers={"Retry-After": str(RETRY_AFTER_S)},
-    )
+    return OverloadedError(f"Too little {resource} is left; retry later.")

@@ -16,13 +16,13 @@ from starlette.exceptions import HTTPException
 
 from service.api.middleware.security_headers import protect
 from service.problems import (
+    FOREIGN_PROBLEMS,
     INTERNAL,
-    PROBLEM_TYPES,
     TYPE_PREFIX,
     InvalidRequestError,
     ProblemType,
     ServiceError,
-    problem,
+    problem_document,
     problem_type,
 )
 from service.telemetry.metrics import Metrics
@@ -47,8 +47,9 @@ Handler = Callable[[Request, Exception], Awaitable[ProblemResponse]]
 
 
 def register_error_handlers(app: FastAPI, metrics: Metrics) -> None:
-    """Answer each exception of the table, and all others, with its problem document."""
-    handlers = dict.fromkeys(PROBLEM_TYPES, _expected) | {
+    """Answer every exception with its problem document, and count it."""
+    foreseen: tuple[type[Exception], ...] = (ServiceError, *FOREIGN_PROBLEMS)
+    handlers = dict.fromkeys(foreseen, _expected) | {
         RequestValidationError: _invalid_parameters,
         HTTPException: _http,
         Exception: _unexpected,
@@ -89,14 +90,17 @@ def _respond(
     kind: ProblemType, detail: str, headers: dict[str, str] | None = None, **members: Any
 ) -> ProblemResponse:
     return ProblemResponse(
-        problem(kind, detail, **members), status_code=kind.status, headers=headers
+        problem_document(kind, detail, **members), status_code=kind.status, headers=headers
     )
 
 
-def _expected(_: Request, error: Exception) -> ProblemResponse:
+def _expected(request: Request, error: Exception) -> ProblemResponse:
+    kind = problem_type(error)
+    if kind is INTERNAL:
+        return _unexpected(request, error)
     if isinstance(error, ServiceError):
-        return _respond(problem_type(error), str(error), error.headers, **error.members)
-    return _respond(problem_type(error), str(error))
+        return _respond(kind, str(error), error.headers, **error.members)
+    return _respond(kind, str(error))
 
 
 def _invalid_parameters(request: Request, error: Exception) -> ProblemResponse:

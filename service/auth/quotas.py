@@ -12,7 +12,6 @@ from service.database.engine import Database
 from service.jobs.retention import stored_bytes
 from service.problems import QuotaExceededError
 
-RETRY_AFTER_S = 60
 REMEMBERED_S = 1.0
 """How long what was counted stands; longer where counting takes more than 5 % of it.
 
@@ -73,8 +72,7 @@ class StorageQuota:
 
 def _exceeded(used: int, size: int, allowed: int) -> QuotaExceededError:
     return QuotaExceededError(
-        f"{used} bytes are stored for you or arrive, {allowed} may be: {size} more have no room. "
-        "Remove clouds or registrations.",
-        headers={"Retry-After": str(RETRY_AFTER_S)},
+        f"Storage quota exceeded: {used} of {allowed} bytes are in use or being uploaded, and this "
+        f"request needs {size} more. Delete clouds or registrations.",
         members={"limit": "stored_bytes", "used": used, "allowed": allowed},
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 from service.auth.authenticator import Caller
@@ -29,8 +28,8 @@ class RateLimiter:
         early = due - now - max(0.0, (rate - 1) / rate)
         if early > 0:
             raise RateLimitedError(
-                f"This key may be used {rate:g} times a second; try again later.",
-                headers={"Retry-After": str(math.ceil(early))},
+                f"Rate limit exceeded: this key allows {rate:g} requests per second. Retry later.",
+                retry_after_s=early,
                 members={"limit": "requests_per_s", "allowed": rate},
             )
         self._due[caller.key_id] = due + 1 / rate

@@ -137,4 +137,6 @@ def _unknown() -> UnknownUploadError:
 
 
 def _elsewhere(offset: int) -> UploadConflictError:
-    return UploadConflictError(f"The upload is at {offset}; go on from there.")
+    return UploadConflictError(
+        f"Upload-Offset must be {offset}, the number of bytes received so far."
+    )

@@ -25,7 +25,6 @@ SQLITE_CONNECTIONS = 32
 POSTGRES_CONNECTIONS = 20
 """At most, of the 100 that a server allows unless told otherwise; threads wait for their turn."""
 CONNECT_S = 10
-RETRY_AFTER_S = 5
 ALONE = 7_073_025
 """Any number: the key of the lock that `write(alone=True)` holds in PostgreSQL."""
 
@@ -107,8 +106,7 @@ def _explained() -> Iterator[None]:
         yield
     except (OperationalError, TimeoutError) as error:
         log.error("the job store does not answer: %s", error)
-        later = {"Retry-After": str(RETRY_AFTER_S)}
-        raise NotReadyError("The job store does not answer.", headers=later) from error
+        raise NotReadyError("The job store does not answer; retry later.") from error
     except DataError as error:
         raise InvalidRequestError("A text has a character that cannot be stored.") from error
 

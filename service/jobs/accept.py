@@ -12,8 +12,6 @@ from service.jobs.model import JobRow, Retention
 from service.jobs.rows import count_jobs, find_job, record_change, record_end
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
-RETRY_AFTER_FULL_S = 5
-
 
 @dataclass(frozen=True, slots=True)
 class Idempotency:
@@ -57,8 +55,7 @@ def check_queue_limit(waiting: int, limit: int) -> None:
     """QueueFullError when as many jobs wait as may wait."""
     if waiting >= limit:
         raise QueueFullError(
-            f"{waiting} registrations wait already, no more may; try again later.",
-            headers={"Retry-After": str(RETRY_AFTER_FULL_S)},
+            f"The queue is full: {waiting} registrations are waiting (limit {limit}). Retry later.",
             members={"queued": waiting},
         )
 
@@ -67,8 +64,9 @@ def check_tenant_queue_limit(waiting: int, limit: int) -> None:
     """QuotaExceededError when as many jobs of a tenant wait as may wait."""
     if waiting >= limit:
         raise QuotaExceededError(
-            f"{waiting} of your registrations wait already, {limit} may; try again later.",
-            headers={"Retry-After": str(RETRY_AFTER_FULL_S)},
+            f"Queue quota exceeded: {waiting} of your registrations are waiting (limit {limit}). "
+            "Retry later.",
+            retry_after_s=QueueFullError.retry_after_s,
             members={"limit": "queue_limit", "used": waiting, "allowed": limit},
         )
 

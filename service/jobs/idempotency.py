@@ -26,8 +26,8 @@ class InFlightKeys:
         key = (tenant, word)
         if key in self._keys:
             raise IdempotencyInFlightError(
-                "The first request under this Idempotency-Key is under way; ask again later.",
-                headers={"Retry-After": "1"},
+                "The first request with this Idempotency-Key has not been answered yet; "
+                "retry later."
             )
         self._keys.add(key)
         try:

@@ -16,7 +16,7 @@ from service.jobs.accept import Idempotency, accept
 from service.jobs.listing import Filter, newest_first
 from service.jobs.model import ENDED, JobEvent, JobRow, Outcome, Retention
 from service.jobs.rows import count_jobs, find_job, job_of, record_change, record_end
-from service.problems import DeadlineError, WorkerLostError, error_problem
+from service.problems import DeadlineError, WorkerLostError, error_document
 
 MAX_LOST_ATTEMPTS = 3
 
@@ -154,7 +154,7 @@ class JobStore:
         if lost < MAX_LOST_ATTEMPTS:
             return self._change(_mine(job), job.id, lost_attempts=lost, **_WAITING)
         error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
-        return self.fail(job, error_problem(error), {})
+        return self.fail(job, error_document(error), {})
 
     def recover(self) -> int:
         """Lose what a former process ran when it was killed; returns how many jobs that were.
@@ -184,7 +184,7 @@ class JobStore:
         waiting = and_(jobs.c.status == "queued", jobs.c.deadline_at < time.time())
         with self._database.read() as connection:
             late = list(connection.scalars(select(jobs.c.id).where(waiting)))
-        error = error_problem(DeadlineError("The deadline passed before a worker was free."))
+        error = error_document(DeadlineError("The deadline passed before a worker was free."))
         return [
             job_id
             for job_id in late

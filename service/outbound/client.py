@@ -12,15 +12,15 @@ from importlib.metadata import version
 import httpcore
 
 from service.outbound.deadline import TransferDeadline
-from service.outbound.transport import GuardedBackend, Resolver, system_resolver
-from service.outbound.url_policy import UrlPolicy, check_url
-from service.outbound.urls import Url
-from service.problems import (
+from service.outbound.errors import (
     FetchCutError,
     FetchError,
     FetchTooSlowError,
     FetchUnreachableError,
 )
+from service.outbound.transport import GuardedBackend, Resolver, system_resolver
+from service.outbound.url_policy import UrlPolicy, check_url
+from service.outbound.urls import Url
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from service.problems import FetchTooSlowError
+from service.outbound.errors import FetchTooSlowError
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 from service.outbound.client import OutboundClient, OutboundResponse
 from service.outbound.deadline import TransferDeadline, TransferLimits
-from service.outbound.http_cache import CachedFile, HttpCache
-from service.outbound.redirects import follow
-from service.outbound.urls import Url
-from service.outbound.validators import Validators
-from service.problems import (
+from service.outbound.errors import (
     FetchCutError,
     FetchError,
     FetchStatusError,
     FetchTooLargeError,
     FetchUnreachableError,
 )
+from service.outbound.http_cache import CachedFile, HttpCache
+from service.outbound.redirects import follow
+from service.outbound.urls import Url
+from service.outbound.validators import Validators
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 
 PAUSES_S = (0.2, 0.5, 1.0, 2.0)

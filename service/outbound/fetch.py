@@ -8,11 +8,11 @@ from typing import Self
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferLimits
 from service.outbound.download import Download
+from service.outbound.errors import AddressRefusedError
 from service.outbound.http_cache import HttpCache
 from service.outbound.s3 import S3Rules, check_s3, policy_for, presign
 from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
-from service.problems import AddressRefusedError
 from service.settings import Settings
 from service.storage.blobs import Blob, BlobStore
 

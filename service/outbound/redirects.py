@@ -8,8 +8,8 @@ from urllib.parse import urljoin
 
 from service.outbound.client import OutboundClient, OutboundResponse
 from service.outbound.deadline import TransferDeadline
+from service.outbound.errors import AddressRefusedError, FetchError
 from service.outbound.urls import Url, parse_url
-from service.problems import AddressRefusedError, FetchError
 
 MAX_REDIRECTS = 5
 STATUSES = (301, 302, 303, 307, 308)

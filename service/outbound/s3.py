@@ -9,9 +9,9 @@ from importlib.util import find_spec
 from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
+from service.outbound.errors import AddressRefusedError, FetchError
 from service.outbound.url_policy import UrlPolicy
 from service.outbound.urls import Url, parse_url
-from service.problems import AddressRefusedError, FetchError
 
 if TYPE_CHECKING:
     from obstore.store import S3Config, S3Store

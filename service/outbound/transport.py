@@ -12,9 +12,9 @@ from typing import Any
 import httpcore
 
 from service.outbound.deadline import TransferDeadline
+from service.outbound.errors import FetchNameError, FetchTlsError, FetchTooSlowError
 from service.outbound.ip_policy import Address, is_allowed
 from service.outbound.url_policy import UrlPolicy, refused_address
-from service.problems import FetchNameError, FetchTlsError, FetchTooSlowError
 
 Resolver = Callable[[str], Iterable[str]]
 """Addresses of a name, as text; OSError when there are none."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from ipaddress import ip_address
 
+from service.outbound.errors import AddressRefusedError
 from service.outbound.ip_policy import Network, is_allowed
 from service.outbound.urls import Url
-from service.problems import AddressRefusedError
 
 ORDINARY_PORTS = (80, 443)
 FIRST_UNPRIVILEGED_PORT = 1024

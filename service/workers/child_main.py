@@ -20,7 +20,7 @@ from mpe_core import Registration, RegistrationOptions, register
 from service.clouds.inputs import CloudInput
 from service.formats import CloudFileError, DecodedCloud, read_points
 from service.jobs.model import Outcome
-from service.problems import INTERNAL, JobMemoryError, problem, problem_type
+from service.problems import INTERNAL, JobMemoryError, problem_document, problem_type
 from service.schemas.serialize_result import inlier_array, result_document
 from service.storage.blobs import Blob, BlobStore
 from service.storage.decoded_cache import DecodedCache
@@ -108,10 +108,10 @@ def _answer(task: FetchTask | Task, report: Report) -> dict[str, Any]:
     if kind is INTERNAL:
         log.error("unexpected error in a worker", exc_info=error)
         return {
-            "error": problem(kind, "The worker failed; the error was logged."),
+            "error": problem_document(kind, "The worker failed; the error was logged."),
             "timing": timing,
         }
-    return {"error": problem(kind, str(error)), "timing": timing}
+    return {"error": problem_document(kind, str(error)), "timing": timing}
 
 
 def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:

@@ -8,7 +8,7 @@ from typing import Any
 
 from service.clouds.inputs import CloudInput
 from service.outbound import HttpCache, fetch
-from service.problems import AddressRefusedError, FetchError
+from service.outbound.errors import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore
 from service.workers.task import FetchTask
 

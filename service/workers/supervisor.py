@@ -22,7 +22,7 @@ from service.problems import (
     JobTimeoutError,
     NotReadyError,
     ServiceError,
-    error_problem,
+    error_document,
 )
 from service.settings import Settings
 from service.storage.blobs import BlobStore
@@ -110,7 +110,7 @@ class AttemptSupervisor:
         while mine:
             now = time.time()
             if now >= bound.at:
-                self.store.fail(job, error_problem(bound.error), {})
+                self.store.fail(job, error_document(bound.error), {})
                 return None
             message = child.receive(min(bound.at - now, LOOK_S))
             if message is not None and "stage" not in message:

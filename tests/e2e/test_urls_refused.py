@@ -9,7 +9,7 @@ import pytest
 import trustme
 
 from service.outbound import FetchRules, check_source
-from service.problems import AddressRefusedError
+from service.outbound.errors import AddressRefusedError
 from service.settings import Settings
 from tests.factories.scans_online import post, scans_online
 from tests.factories.server import Server, running_server

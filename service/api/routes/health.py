@@ -23,7 +23,7 @@ def livez() -> Health:
 def readyz(service: CurrentService) -> Health:
     """200 when the workers are warm and the store answers; 503 also while the service stops."""
     if not service.queue.is_ready:
-        raise NotReadyError("The workers are not ready.", headers={"Retry-After": "1"})
+        raise NotReadyError("The workers are not ready; retry later.", retry_after_s=1)
     service.store.count("queued")
     return Health()
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from service.problems import INTERNAL, PROBLEM_TYPES
+import service.outbound.errors  # noqa: F401 - defines problem types
+from service.problems import all_problem_types
 from service.settings import Settings
 from tests.factories.server import PROJECT
 
@@ -10,8 +11,8 @@ TEXT = (PROJECT / "docs" / "service.md").read_text()
 
 
 def test_every_problem_is_listed() -> None:
-    for kind in (*PROBLEM_TYPES.values(), INTERNAL):
-        assert f"| `{kind.name}` | {kind.status} | {kind.title} |" in TEXT
+    for kind in all_problem_types():
+        assert f"| `{kind.slug}` | {kind.status} | {kind.title} |" in TEXT
 
 
 def test_every_setting_that_it_names_exists() -> None:

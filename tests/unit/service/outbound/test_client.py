@@ -10,8 +10,7 @@ import time
 
 import pytest
 
-from service.outbound.url_policy import UrlPolicy
-from service.problems import (
+from service.outbound.errors import (
     FetchError,
     FetchNameError,
     FetchStatusError,
@@ -19,6 +18,7 @@ from service.problems import (
     FetchTooSlowError,
     FetchUnreachableError,
 )
+from service.outbound.url_policy import UrlPolicy
 from service.storage.blobs import BlobStore
 from tests.factories.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
 from tests.unit.service.outbound.conftest import Fetch

@@ -6,8 +6,8 @@ import hashlib
 
 import pytest
 
+from service.outbound.errors import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.outbound.http_cache import prune_http_cache
-from service.problems import FetchCutError, FetchStatusError, FetchTooLargeError
 from service.storage.blobs import BlobStore
 from tests.factories.web import CONTENT, Handler, Names, Web
 from tests.unit.service.outbound.conftest import Fetch

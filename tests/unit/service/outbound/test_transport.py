@@ -8,7 +8,7 @@ import ssl
 import pytest
 import trustme
 
-from service.problems import AddressRefusedError, FetchTlsError
+from service.outbound.errors import AddressRefusedError, FetchTlsError
 from tests.factories.web import CONTENT, Web, serving
 from tests.unit.service.outbound.conftest import Fetch
 

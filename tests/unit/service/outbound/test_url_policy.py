@@ -6,10 +6,10 @@ from ipaddress import ip_network
 
 import pytest
 
+from service.outbound.errors import AddressRefusedError
 from service.outbound.ip_policy import METADATA
 from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
-from service.problems import AddressRefusedError
 from tests.factories.web import OPEN, Names, Web, serving
 from tests.unit.service.outbound.conftest import Fetch
 
