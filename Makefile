@@ -58,8 +58,8 @@ openapi: setup  ## write openapi.yaml and the tables of README.md from the app
 	$(PY) -m tools.readme_tables
 
 lock: setup  ## resolve the lock files again from pyproject.toml
-	.venv/bin/uv pip compile pyproject.toml --extra postgres --extra s3 $(LOCK_OPTIONS) -o requirements.lock
-	.venv/bin/uv pip compile pyproject.toml --extra demo --extra dev --extra bench --extra telemetry --extra s3 --extra postgres $(LOCK_OPTIONS) -o requirements-dev.lock
+	.venv/bin/uv pip compile pyproject.toml --extra service --extra postgres --extra s3 $(LOCK_OPTIONS) -o requirements.lock
+	.venv/bin/uv pip compile pyproject.toml --extra service --extra demo --extra dev --extra bench --extra telemetry --extra s3 --extra postgres $(LOCK_OPTIONS) -o requirements-dev.lock
 LOCK_OPTIONS := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 bench: setup  ## speed and accuracy beside the peers, what is not there yet (20 minutes)

@@ -12,11 +12,9 @@ from service.clouds.inputs import CloudInput
 from service.database.engine import Database
 from service.database.pagination import Place, select_page
 from service.database.tables import clouds
-from service.formats import FORMATS, UnknownFormatError, sniff
+from service.formats import UnknownFormatError, sniff_file
 from service.problems import InvalidRequestError, UnknownCloudError
 from service.storage.blobs import Blob, BlobStore
-
-SNIFFED_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +107,10 @@ def detect_format(role: str, blob: Blob, blobs: BlobStore, declared: str | None 
         raise InvalidRequestError(f"{role}: the file is empty.")
     if declared is not None:
         return declared
-    with blobs.path(blob.sha256).open("rb") as file:
-        found = sniff(file.read(SNIFFED_BYTES))
-    if found is None:
-        names = ", ".join(format.name for format in FORMATS)
-        raise UnknownFormatError(f"{role}: the file begins like none of the formats {names}.")
-    return found
+    try:
+        return sniff_file(blobs.path(blob.sha256))
+    except UnknownFormatError as error:
+        raise UnknownFormatError(f"{role}: {error}") from None
 
 
 def _named(tenant: str, cloud_id: str) -> ColumnElement[bool]:

@@ -1,18 +1,23 @@
-"""Files to points: one module a format, chosen by the content and never by the name."""
+"""Readers and writers of point cloud files, chosen by content and never by file name.
+
+Needs numpy only. The libraries of single formats (laspy, pye57, trimesh, lzf) are imported when a
+file of such a format is read or written.
+"""
 
 from __future__ import annotations
 
-from service.formats.decoded_cloud import DecodedCloud, Limits
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
     MalformedFileError,
     MissingAttributeError,
+    MissingLibraryError,
     TruncatedFileError,
     UnknownFormatError,
     UnsupportedFileError,
 )
-from service.formats.read import read_points, sniff
+from service.formats.read import read_points, sniff, sniff_file
 from service.formats.registry import FORMATS, Format
 from service.formats.write import WRITERS, write_cloud, write_ply
 
@@ -23,14 +28,16 @@ __all__ = [
     "DecodedCloud",
     "FileLimitError",
     "Format",
-    "Limits",
     "MalformedFileError",
     "MissingAttributeError",
+    "MissingLibraryError",
+    "ReadLimits",
     "TruncatedFileError",
     "UnknownFormatError",
     "UnsupportedFileError",
     "read_points",
     "sniff",
+    "sniff_file",
     "write_cloud",
     "write_ply",
 ]

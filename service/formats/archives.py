@@ -1,4 +1,4 @@
-"""gzip and zip around one cloud file, expanded with a bound."""
+"""gzip and zip files around one cloud file, expanded within a bound."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from service.formats.decoded_cloud import Limits
+from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
     MalformedFileError,
     UnsupportedFileError,
+    short_reason,
 )
 
 GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
-_BLOCK = 1 << 20
-_FREE_BYTES = 1 << 20  # may be expanded whatever the ratio
+_BLOCK_BYTES = 1 << 20
+_MIN_ALLOWED_BYTES = 1 << 20
+"""Expanded bytes that are allowed whatever the ratio; ratios of small files say nothing."""
 _ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
@@ -36,19 +38,19 @@ _ERRORS = (
 
 
 @contextmanager
-def unwrapped(path: Path, limits: Limits) -> Iterator[Path]:
-    """Give a temporary file with what the gzip or zip file wraps.
+def expand_archive(path: Path, limits: ReadLimits) -> Iterator[Path]:
+    """Expand the only file of a gzip or zip archive into a temporary file.
 
     Names inside the archive are never used as paths.
 
     Raises
     ------
     CloudFileError
-        The archive is damaged, expands too far, or holds not exactly one file.
+        The archive is damaged, expands too far, or does not hold exactly one file.
     """
     with path.open("rb") as file, tempfile.TemporaryDirectory(prefix="unwrapped-") as folder:
         inner = Path(folder) / "cloud"
-        allowed = max(_FREE_BYTES, limits.max_expansion * path.stat().st_size)
+        allowed = max(_MIN_ALLOWED_BYTES, limits.max_expansion * path.stat().st_size)
         try:
             if file.read(2) == GZIP_MAGIC:
                 with gzip.open(path) as content:
@@ -59,32 +61,36 @@ def unwrapped(path: Path, limits: Limits) -> Iterator[Path]:
         except CloudFileError:
             raise
         except _ERRORS as error:
-            reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+            reason = short_reason(error)
             raise MalformedFileError(f"the archive cannot be expanded: {reason}") from None
         yield inner
 
 
-def zips_one_file(path: Path) -> bool:
-    """Whether the zip file is no .npz: no member is a NumPy array."""
+def is_single_file_zip(path: Path) -> bool:
+    """Whether a zip file is no .npz: no member is a NumPy array."""
     try:
         with zipfile.ZipFile(path) as archive:
             return not any(name.endswith(".npy") for name in archive.namelist())
     except _ERRORS:
-        return True  # expanding it says what is wrong
+        return True  # expand_archive reports the reason
 
 
 def _only_file(archive: zipfile.ZipFile) -> zipfile.ZipInfo:
     files = [info for info in archive.infolist() if not info.is_dir()]
     if len(files) != 1:
-        raise UnsupportedFileError(f"a zip of {len(files)} files; one cloud file is expected")
+        raise UnsupportedFileError(
+            f"the zip archive holds {len(files)} files; expected one cloud file"
+        )
     return files[0]
 
 
 def _expand(content: IO[bytes] | gzip.GzipFile, target: Path, allowed: int) -> None:
     written = 0
     with target.open("wb") as file:
-        while block := content.read(_BLOCK):
+        while block := content.read(_BLOCK_BYTES):
             written += len(block)
             if written > allowed:
-                raise FileLimitError(f"expands to more than {allowed} bytes")
+                raise FileLimitError(
+                    f"the archive expands to more than {allowed} bytes; send the file uncompressed"
+                )
             file.write(block)

@@ -1,4 +1,4 @@
-"""What the columns of a cloud are called in the files that people send."""
+"""Names of the columns that hold coordinates and normals."""
 
 from __future__ import annotations
 
@@ -23,23 +23,25 @@ _NORMALS = (
 
 
 def find_xyz(names: Sequence[str]) -> tuple[int, ...] | None:
-    """Return the places of x, y and z among the names of the columns, None without them."""
-    return _find(names, _XYZ)
+    """Find the indices of the columns x, y and z; None unless each is there once."""
+    return _find_triple(names, _XYZ)
 
 
 def find_normals(names: Sequence[str]) -> tuple[int, ...] | None:
-    """Return the places of the normal's components, None without them."""
-    return _find(names, _NORMALS)
+    """Find the indices of the components of the normal; None unless each is there once."""
+    return _find_triple(names, _NORMALS)
 
 
-def _find(names: Sequence[str], triples: Sequence[tuple[str, ...]]) -> tuple[int, ...] | None:
-    bare = [_bare(name) for name in names]
+def _find_triple(
+    names: Sequence[str], triples: Sequence[tuple[str, ...]]
+) -> tuple[int, ...] | None:
+    bare = [_normalize(name) for name in names]
     for triple in triples:
         if all(bare.count(part) == 1 for part in triple):
             return tuple(bare.index(part) for part in triple)
     return None
 
 
-def _bare(name: str) -> str:
-    """Lower case, without quotes and without a unit in brackets."""
+def _normalize(name: str) -> str:
+    """Convert to lower case, without quotes and without a unit in brackets."""
     return re.sub(r"\s*[\[(].*[\])]$", "", name.strip().strip("\"'").lower())

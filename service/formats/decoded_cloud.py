@@ -1,4 +1,4 @@
-"""A decoded cloud, and the limits that a file is held to before memory is taken for it."""
+"""The decoded cloud, and the limits checked before memory is allocated for it."""
 
 from __future__ import annotations
 
@@ -12,50 +12,69 @@ from service.formats.errors import FileLimitError, TruncatedFileError
 
 @dataclass(frozen=True, slots=True)
 class DecodedCloud:
-    """Points as the file holds them, in its unit, frame and precision; NaN rows are kept."""
+    """Points in the unit, frame and precision of the file; rows with NaN are kept."""
 
     points: NDArray[np.floating]
     """(N, 3) float32 or float64 in native byte order; integer coordinates become float64."""
     format: str
     """Name of the format that was read, as listed in FORMATS."""
     warnings: tuple[str, ...] = ()
-    """What was odd about the file and how it was understood."""
+    """What is unusual about the file, and how it was interpreted."""
     normals: NDArray[np.floating] | None = None
     """(N, 3) as stored, where the file has them; not normalised."""
     viewpoint: tuple[float, ...] | None = None
     """Sensor pose of a PCD file: tx, ty, tz, qw, qx, qy, qz."""
     attributes: dict[str, NDArray[np.generic]] = field(default_factory=dict)
-    """(N,) columns beside the coordinates by their names in the file, only if asked for."""
+    """(N,) columns beside the coordinates by their names in the file; only if requested."""
     weights: NDArray[np.generic] | None = None
-    """(N,) the attribute that was asked for as how much each point counts."""
+    """(N,) the attribute requested as the weight of each point."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds that are checked before memory is taken."""
+class ReadLimits:
+    """Bounds that are checked before memory is allocated."""
 
     max_points: int = 50_000_000
+    """Points of a cloud."""
     max_header_bytes: int = 1 << 18
+    """Bytes of a header."""
     max_header_lines: int = 2_000
+    """Lines of a header."""
     max_line_bytes: int = 1 << 16
+    """Bytes of a line of text."""
     max_properties: int = 256
+    """Properties of a PLY element, fields of a PCD file."""
     max_expansion: int = 100
-    """Largest ratio of expanded to compressed bytes; real clouds stay below 20."""
+    """Ratio of expanded to compressed bytes; real clouds stay below 20."""
 
 
-def check_count(count: int, row_bytes: int, present: int, at: str, limits: Limits) -> None:
-    """Refuse an announced number of points that the limit forbids or the bytes cannot hold.
+def check_count(count: int, row_bytes: int, available: int, at: str, limits: ReadLimits) -> None:
+    """Refuse an announced number of points above the limit or beyond the bytes of the file.
+
+    Parameters
+    ----------
+    count
+        Announced number of points.
+    row_bytes
+        Minimum size of a point, in bytes; 0 if unknown.
+    available
+        Bytes left in the file.
+    at
+        Place of the announcement, for messages.
+    limits
+        Bounds of the caller.
 
     Raises
     ------
     FileLimitError
-        More than ``limits.max_points``.
+        `count` is above ``limits.max_points``.
     TruncatedFileError
-        ``count`` rows of at least ``row_bytes`` bytes do not fit into ``present`` bytes.
+        `count` rows of `row_bytes` bytes do not fit into `available` bytes.
     """
     if count > limits.max_points:
-        raise FileLimitError(f"{at}: {count} points; at most {limits.max_points} are read")
-    if count * row_bytes > present:
+        raise FileLimitError(f"{at}: {count} points; the limit is {limits.max_points}")
+    if count * row_bytes > available:
         raise TruncatedFileError(
-            f"{at}: {count} points need at least {count * row_bytes} bytes, {present} are there"
+            f"{at}: {count} points need at least {count * row_bytes} bytes, "
+            f"but only {available} follow; is the file complete?"
         )

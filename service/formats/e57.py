@@ -1,4 +1,4 @@
-"""ASTM E57, by pye57: one or several scans of a file, in its common frame."""
+"""ASTM E57 files, read by pye57: one or several scans in the common frame of the file."""
 
 from __future__ import annotations
 
@@ -10,54 +10,55 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
     MalformedFileError,
     TruncatedFileError,
     UnsupportedFileError,
+    short_reason,
 )
-from service.formats.multi_scan import chosen
+from service.formats.libraries import import_library
+from service.formats.multi_scan import select_scans
 
 MAGIC = b"ASTM-E57"
-_LARGEST_XML = 16 << 20
-_CHUNK = 1_000_000
+_MAX_XML_BYTES = 16 << 20
+_CHUNK_POINTS = 1_000_000
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 
 
-def read(path: Path, limits: Limits, scan: int | None) -> DecodedCloud:
-    """Read the points of a scan (counted from 0), or of all scans, moved by their poses.
+def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
+    """Read the points of a scan (counted from 0) or of all scans, moved by their poses.
 
-    Points that the file marks as invalid become NaN, so that indices keep counting them.
+    Points marked as invalid become NaN, so that they keep their index.
 
     Raises
     ------
     CloudFileError
-        The file is damaged, has a scan of another kind, or has no such scan.
+        The file is damaged, holds a scan without coordinates, or has no such scan.
     """
-    import pye57
-
+    pye57 = import_library("pye57")
     _check_header(path)
     try:
         file = pye57.E57(str(path))
         headers = [file.get_header(i) for i in range(file.scan_count)]
         total = sum(header.point_count for header in headers)
         check_count(total, 0, 0, f"{len(headers)} scans", limits)
-        wanted, warnings = chosen(len(headers), scan)
-        parts = [_scan(file, headers[i]) for i in wanted]
+        wanted, warnings = select_scans(len(headers), scan)
+        parts = [_read_scan(file, headers[i]) for i in wanted]
         file.close()
     except CloudFileError:
         raise
     except (pye57.libe57.E57Exception, RuntimeError, ValueError, TypeError, KeyError) as error:
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        reason = short_reason(error)
         raise MalformedFileError(f"the E57 file cannot be read: {reason}") from None
     return DecodedCloud(np.concatenate(parts), "e57", warnings)
 
 
 def _check_header(path: Path) -> None:
-    """The file is whole, and its XML is short and declares no entities."""
+    """Check that the file is complete, and its XML short and without entities."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(48)
@@ -65,11 +66,18 @@ def _check_header(path: Path) -> None:
             raise TruncatedFileError(f"byte {len(head)}: the file ends within the E57 header")
         length, xml_at, xml_length, page = struct.unpack_from("<4Q", head, 16)
         if length != size:
-            raise TruncatedFileError(f"byte 16: {length} bytes announced, {size} are there")
-        if xml_length > _LARGEST_XML:
-            raise FileLimitError(f"byte 32: {xml_length} bytes of XML; at most {_LARGEST_XML}")
+            raise TruncatedFileError(
+                f"byte 16: the header announces {length} bytes, the file has {size}"
+            )
+        if xml_length > _MAX_XML_BYTES:
+            raise FileLimitError(
+                f"byte 32: {xml_length} bytes of XML; the limit is {_MAX_XML_BYTES}"
+            )
         if page != 1024 or not 48 <= xml_at <= size:
-            raise MalformedFileError(f"byte 24: XML at byte {xml_at}, in pages of {page} bytes")
+            raise MalformedFileError(
+                f"byte 24: XML at byte {xml_at} in pages of {page} bytes; "
+                "expected pages of 1024 bytes and the XML within the file"
+            )
         start = xml_at - xml_at % page
         file.seek(start)
         pages = file.read((xml_length // (page - 4) + 2) * page)
@@ -78,19 +86,24 @@ def _check_header(path: Path) -> None:
     if len(xml) < xml_length:
         raise TruncatedFileError(f"byte {size}: the file ends within its XML")
     if re.search(rb"<!\s*(DOCTYPE|ENTITY)", xml):
-        raise UnsupportedFileError("the XML declares a document type or entities")
+        raise UnsupportedFileError(
+            "the XML declares a document type or entities, which are not read"
+        )
 
 
-def _scan(file: Any, header: Any) -> NDArray[np.float64]:
+def _read_scan(file: Any, header: Any) -> NDArray[np.float64]:
     fields = set(header.point_fields)
     if fields.issuperset(_CARTESIAN):
         names, invalid = _CARTESIAN, "cartesianInvalidState"
     elif fields.issuperset(_SPHERICAL):
         names, invalid = _SPHERICAL, "sphericalInvalidState"
     else:
-        raise UnsupportedFileError(f"a scan with the fields {sorted(fields)[:9]}")
+        raise UnsupportedFileError(
+            f"a scan has the fields {sorted(fields)[:9]}; expected cartesianX, Y, Z or "
+            "sphericalRange, Azimuth, Elevation"
+        )
     columns = [*names, invalid] if invalid in fields else [*names]
-    capacity = min(_CHUNK, max(1, header.point_count))
+    capacity = min(_CHUNK_POINTS, max(1, header.point_count))
     data, buffers = file.make_buffers(columns, capacity)
     reader = header.points.reader(buffers)
     parts = [np.empty((0, 3))]
@@ -101,16 +114,18 @@ def _scan(file: Any, header: Any) -> NDArray[np.float64]:
         parts.append(rows)
     points = np.concatenate(parts)
     if len(points) != header.point_count:
-        raise TruncatedFileError(f"{len(points)} of {header.point_count} points are there")
+        raise TruncatedFileError(
+            f"a scan holds {len(points)} of {header.point_count} announced points"
+        )
     if names is _SPHERICAL:
-        points = _cartesian(points)
+        points = _to_cartesian(points)
     if header.has_pose():
         points = points @ header.rotation_matrix.T + header.translation
     return points
 
 
-def _cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """x, y, z from range, azimuth and elevation (ASTM E2807, 8.4.4.2)."""
+def _to_cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Convert range, azimuth and elevation to x, y, z (ASTM E2807, 8.4.4.2)."""
     distance, azimuth, elevation = points.T
     flat = distance * np.cos(elevation)
     return np.stack(

@@ -1,27 +1,33 @@
-"""What can be wrong with a cloud file; every message names the byte or the line.
+"""Errors of reading and writing cloud files.
 
 CloudFileError
-├── UnknownFormatError      the content is of no format that is read here
+├── UnknownFormatError      the content matches none of the formats
 ├── MalformedFileError      the content breaks the rules of its format
 │   └── TruncatedFileError  the file ends before the data that it announces
-├── UnsupportedFileError    a legal file of a kind that is not read here
+├── UnsupportedFileError    a legal file of a kind that is not read
 ├── MissingAttributeError   no attribute of that name holds one number for each point
-└── FileLimitError          a size, count or length above its limit
+├── FileLimitError          a size, count or length above its limit
+└── MissingLibraryError     the library that decodes this format is not installed
+
+Each message gives the place (byte, line or element) where it is known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-_MOST_NAMED = 40
+_MAX_NAMES = 40
+"""Attribute names listed in an error message."""
+_MAX_REASON = 200
+"""Characters kept of the message of a library."""
 
 
 class CloudFileError(ValueError):
-    """Root of everything that reading a cloud file raises on purpose."""
+    """Base class of all errors about a cloud file."""
 
 
 class UnknownFormatError(CloudFileError):
-    """The content is of no format that is read here."""
+    """The content matches none of the formats."""
 
 
 class MalformedFileError(CloudFileError):
@@ -33,7 +39,7 @@ class TruncatedFileError(MalformedFileError):
 
 
 class UnsupportedFileError(CloudFileError):
-    """A legal file of a kind that is not read here."""
+    """A legal file of a kind that is not read."""
 
 
 class MissingAttributeError(CloudFileError):
@@ -44,10 +50,21 @@ class FileLimitError(CloudFileError):
     """A size, count or length is above its limit."""
 
 
+class MissingLibraryError(CloudFileError):
+    """The library that decodes this format is not installed."""
+
+
 def missing_attribute(name: str, known: Iterable[str]) -> MissingAttributeError:
-    """Say which attributes there are instead."""
+    """Make the error for an unknown attribute; its message lists the known ones."""
     names = [repr(item[:40]) for item in known]
-    there = ", ".join(names[:_MOST_NAMED]) + (", ..." if len(names) > _MOST_NAMED else "")
+    listed = ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
     return MissingAttributeError(
-        f"no attribute {name[:40]!r} with one number for each point; there are {there or 'none'}"
+        f"no attribute {name[:40]!r} with one number for each point; "
+        f"the attributes of this file: {listed or 'none'}"
     )
+
+
+def short_reason(error: BaseException) -> str:
+    """Return the first line of an exception's message, shortened, or the name of its class."""
+    lines = str(error).splitlines()
+    return lines[0][:_MAX_REASON] if lines else type(error).__name__

@@ -1,4 +1,4 @@
-"""A file's bytes without reading them first."""
+"""Read-only memory maps of files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 
-def mapped(path: Path) -> memoryview:
-    """Map a file that is not empty; it is unmapped with the last array made from the view."""
+def map_file(path: Path) -> memoryview:
+    """Map a non-empty file; it is unmapped when the last array made from the view is gone."""
     with path.open("rb") as file:
         return memoryview(mmap(file.fileno(), 0, access=ACCESS_READ))

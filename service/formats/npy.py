@@ -1,4 +1,4 @@
-"""NumPy's .npy and .npz, without pickles."""
+"""NumPy .npy and .npz files, without pickles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.column_names import find_normals, find_xyz
-from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -27,17 +27,19 @@ from service.formats.errors import (
     TruncatedFileError,
     UnsupportedFileError,
     missing_attribute,
+    short_reason,
 )
 
 MAGIC = b"\x93NUMPY"
-_NAMES = ("points", "xyz", "pcd", "positions", "vertices", "arr_0")
+_POINT_ARRAYS = ("points", "xyz", "pcd", "positions", "vertices", "arr_0")
+"""Names of the array of points in an .npz, in order of preference."""
 _MAX_MEMBERS = 1000
 _HEADER_ERRORS = (
     ValueError,
     TypeError,
     SyntaxError,
     RecursionError,
-    MemoryError,  # the parser's answer to deep nesting
+    MemoryError,  # raised by the parser for deep nesting
     OverflowError,
     tokenize.TokenError,
 )
@@ -48,121 +50,138 @@ _ZIP_ERRORS = (
     OverflowError,
     EOFError,
     OSError,
-    RuntimeError,  # encrypted, or an unknown compression
+    RuntimeError,  # encryption or unknown compression
     struct.error,
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
 )
-_ALWAYS_EXPANDED = 1 << 20  # bytes; below this the ratio says nothing
+_MIN_ALLOWED_BYTES = 1 << 20
+"""Expanded bytes that are allowed whatever the ratio; ratios of small files say nothing."""
 
 
-def read_npy(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud:
-    """Read an (N, 3 or more) or (H, W, 3) array, or one with the fields x, y, z.
+def read_npy(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedCloud:
+    """Read an (N, 3 or more) or (H, W, 3) array, or a structured one with the fields x, y, z.
 
-    The field called as `weights` says is kept as an attribute.
+    `weights` names a field to keep as an attribute.
+
+    Raises
+    ------
+    CloudFileError
+        The file is damaged, or its array has another shape or type.
     """
     with path.open("rb") as file:
         array = _read_array(file, path.stat().st_size, "the array", limits)
-    cloud = _cloud(array, "npy")
-    return cloud if weights is None else _with(cloud, weights, _fields(array))
+    cloud = _to_cloud(array, "npy")
+    return cloud if weights is None else _with_attribute(cloud, weights, _extra_fields(array))
 
 
-def read_npz(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud:
-    """Read an archive's array called points, xyz, ..., or its only one, and "normals" beside it.
+def read_npz(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedCloud:
+    """Read the array called points, xyz, ..., or the only one, and the array "normals".
 
-    The array, or field of the array of points, called as `weights` says is kept as an attribute.
-    The zip directory is checked before anything is expanded.
+    `weights` names an array, or a field of the array of points, to keep as an attribute. The zip
+    directory is checked before anything is expanded.
+
+    Raises
+    ------
+    CloudFileError
+        The archive is damaged, or its arrays have other names, shapes or types.
     """
-    with _explained("the zip archive", _ZIP_ERRORS), zipfile.ZipFile(path) as archive:
+    with _translate_errors("the zip archive", _ZIP_ERRORS), zipfile.ZipFile(path) as archive:
         arrays = {
             info.filename.removesuffix(".npy"): info
             for info in archive.infolist()
             if info.filename.endswith(".npy")
         }
-        name = _choose(arrays, len(archive.infolist()))
+        name = _choose_array(arrays, len(archive.infolist()))
         array = _read_member(archive, arrays[name], limits)
-        cloud = _cloud(array, "npz")
+        cloud = _to_cloud(array, "npz")
         normals = cloud.normals
         if "normals" in arrays:
-            normals = _cloud(_read_member(archive, arrays["normals"], limits), "npz").points
-        known = _fields(array) | dict.fromkeys(sorted(set(arrays) - {name, "normals"}))
+            normals = _to_cloud(_read_member(archive, arrays["normals"], limits), "npz").points
+        known = _extra_fields(array) | dict.fromkeys(sorted(set(arrays) - {name, "normals"}))
         if weights is not None and weights in arrays:
             known[weights] = _read_member(archive, arrays[weights], limits)
     if normals is not None and len(normals) != len(cloud.points):
-        raise MalformedFileError(f"{len(normals)} normals for {len(cloud.points)} points")
+        raise MalformedFileError(
+            f"the archive has {len(normals)} normals for {len(cloud.points)} points"
+        )
     ignored = sorted(set(arrays) - {name, "normals", weights})
     warnings = (f"{len(ignored)} arrays beside {name!r} are ignored",) if ignored else ()
     cloud = DecodedCloud(cloud.points, "npz", cloud.warnings + warnings, normals)
-    return cloud if weights is None else _with(cloud, weights, known)
+    return cloud if weights is None else _with_attribute(cloud, weights, known)
 
 
-def _fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | None]:
-    """Columns of a structured array beside the coordinates."""
+def _extra_fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | None]:
+    """Return the fields of a structured array beside the coordinates."""
     names = array.dtype.names or ()
     places = find_xyz(names) or ()
     records = cast("NDArray[np.void]", array)
     return {name: records[name] for i, name in enumerate(names) if i not in places}
 
 
-def _with(
+def _with_attribute(
     cloud: DecodedCloud, name: str, known: dict[str, NDArray[np.generic] | None]
 ) -> DecodedCloud:
-    """The cloud and this one of the known attributes."""
+    """Return the cloud with one of the known attributes."""
     column = known.get(name)
     if column is None:
         raise missing_attribute(name, known)
     if column.shape != (len(cloud.points),) or column.dtype.kind not in "biuf":
         raise MissingAttributeError(
-            f"attribute {name[:40]!r} is of type {column.dtype} and shape {column.shape}, expected"
-            f" one number for each of {len(cloud.points)} points"
+            f"attribute {name[:40]!r} has type {column.dtype} and shape {column.shape}; expected"
+            f" one number for each of the {len(cloud.points)} points"
         )
     return replace(cloud, attributes={name: column.astype(np.float64)})
 
 
-def _choose(arrays: dict[str, zipfile.ZipInfo], members: int) -> str:
+def _choose_array(arrays: dict[str, zipfile.ZipInfo], members: int) -> str:
     if members > _MAX_MEMBERS:
-        raise FileLimitError(f"{members} members; at most {_MAX_MEMBERS} are read")
-    for name in _NAMES:
+        raise FileLimitError(f"the archive has {members} members; the limit is {_MAX_MEMBERS}")
+    for name in _POINT_ARRAYS:
         if name in arrays:
             return name
     if len(arrays) == 1:
         return next(iter(arrays))
     raise MalformedFileError(
-        f"{len(arrays)} arrays, none called {', '.join(_NAMES)}: which are the points?"
+        f"the archive has {len(arrays)} arrays; expected only one, or one called "
+        f"{', '.join(_POINT_ARRAYS)}"
     )
 
 
 def _read_member(
-    archive: zipfile.ZipFile, info: zipfile.ZipInfo, limits: Limits
+    archive: zipfile.ZipFile, info: zipfile.ZipInfo, limits: ReadLimits
 ) -> NDArray[np.generic]:
-    allowed = max(_ALWAYS_EXPANDED, limits.max_expansion * info.compress_size)
+    allowed = max(_MIN_ALLOWED_BYTES, limits.max_expansion * info.compress_size)
     if info.file_size > allowed:
         raise FileLimitError(
-            f"{info.filename[:80]!r} expands from {info.compress_size} to {info.file_size} bytes"
+            f"{info.filename[:80]!r} expands from {info.compress_size} to {info.file_size} bytes; "
+            f"the limit is {allowed}"
         )
     with archive.open(info) as file:
         array = _read_array(file, info.file_size, repr(info.filename[:80]), limits)
         if file.read(1):  # reaching the end also checks the CRC
-            raise MalformedFileError(f"{info.filename[:80]!r}: bytes after the array")
+            raise MalformedFileError(f"{info.filename[:80]!r} has bytes after the array")
     return array
 
 
-def _read_array(file: IO[bytes], size: int, name: str, limits: Limits) -> NDArray[np.generic]:
-    with _explained(f"the header of {name}", _HEADER_ERRORS):
+def _read_array(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> NDArray[np.generic]:
+    with _translate_errors(f"the header of {name}", _HEADER_ERRORS):
         version = np.lib.format.read_magic(file)
         if version == (1, 0):
             shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
         elif version == (2, 0):
             shape, fortran, dtype = np.lib.format.read_array_header_2_0(file)
         else:
-            raise UnsupportedFileError(f"{name} is of .npy version {version}; 1.0 and 2.0 are read")
+            raise UnsupportedFileError(f"{name} has .npy version {version}; expected 1.0 or 2.0")
     if dtype.hasobject:
-        raise UnsupportedFileError(f"{name} holds pickled objects, which are never loaded")
+        raise UnsupportedFileError(
+            f"{name} holds pickled objects, which are never loaded; expected numbers"
+        )
     if dtype.itemsize == 0 or dtype.subdtype is not None:
-        raise MalformedFileError(f"{name} has elements of the type {str(dtype)[:40]}")
+        raise MalformedFileError(f"{name} has elements of type {str(dtype)[:40]}; expected numbers")
     if any(length < 0 for length in shape):
-        raise MalformedFileError(f"{name} has the shape {shape}")
+        raise MalformedFileError(f"{name} has the invalid shape {shape}")
     count = prod(shape)
     at = f"{name} of shape {shape}"
     check_count(count, dtype.itemsize, size - file.tell(), at, _values_limit(limits))
@@ -172,18 +191,19 @@ def _read_array(file: IO[bytes], size: int, name: str, limits: Limits) -> NDArra
     return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")
 
 
-def _values_limit(limits: Limits) -> Limits:
-    """Limits for counting numbers instead of points, at most 16 for one point."""
-    return Limits(max_points=16 * limits.max_points)
+def _values_limit(limits: ReadLimits) -> ReadLimits:
+    """Return limits that count numbers instead of points, up to 16 for each point."""
+    return replace(limits, max_points=16 * limits.max_points)
 
 
-def _cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
+def _to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
     if array.dtype.names:
         names = array.dtype.names
         xyz, normals = find_xyz(names), find_normals(names)
         if xyz is None or array.ndim != 1:
             raise MalformedFileError(
-                f"fields {names[:9]}: expected a row of x, y, z for each point"
+                f"a structured array of {array.ndim} dimensions with the fields {names[:9]}; "
+                "expected one dimension and the fields x, y, z"
             )
         records = cast("NDArray[np.void]", array)
         table = np.stack([_floats(records[names[i]]) for i in xyz + (normals or ())], axis=1)
@@ -191,7 +211,7 @@ def _cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
     if array.ndim == 3 and array.shape[2] == 3:
         return DecodedCloud(_floats(array.reshape(-1, 3)), format)
     if array.ndim != 2 or array.shape[1] < 3:
-        raise MalformedFileError(f"an array of shape {array.shape}: expected (N, 3)")
+        raise MalformedFileError(f"an array of shape {array.shape}; expected (N, 3)")
     extra = array.shape[1] - 3
     warnings = (f"{extra} columns after x, y, z are ignored",) if extra else ()
     return DecodedCloud(_floats(array[:, :3]), format, warnings)
@@ -199,18 +219,18 @@ def _cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
 
 def _floats(array: NDArray[np.generic]) -> NDArray[np.floating]:
     if array.ndim == 0 or array.dtype.kind not in "fiu":
-        raise MalformedFileError(f"values of type {array.dtype}: expected real numbers")
+        raise MalformedFileError(f"values of type {array.dtype}; expected real numbers")
     small = array.dtype.kind == "f" and array.dtype.itemsize <= 4
     return np.ascontiguousarray(array, np.float32 if small else np.float64)
 
 
 @contextmanager
-def _explained(what: str, errors: tuple[type[Exception], ...]) -> Iterator[None]:
-    """Turn what zipfile and numpy raise on damaged files into a CloudFileError."""
+def _translate_errors(what: str, errors: tuple[type[Exception], ...]) -> Iterator[None]:
+    """Turn the errors of zipfile and numpy on damaged files into MalformedFileError."""
     try:
         yield
     except CloudFileError:
         raise
     except errors as error:
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        reason = short_reason(error)
         raise MalformedFileError(f"{what} cannot be read: {reason}") from None

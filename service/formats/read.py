@@ -1,36 +1,49 @@
-"""Which format a file is of, and its points."""
+"""Detection of a file's format, and decoding of its points."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-from service.formats.archives import unwrapped
-from service.formats.decoded_cloud import DecodedCloud, Limits
+from service.formats.archives import expand_archive
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
+    CloudFileError,
     MalformedFileError,
     TruncatedFileError,
     UnknownFormatError,
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.registry import FORMATS, Choice, Format
+from service.formats.registry import FORMATS, Format, ReadChoice
 
 SNIFFED_BYTES = 4096
-PLACES: tuple[Choice, ...] = ("scan", "surface_samples")
-"""Choices that make no sense for a format without them."""
-Choices = dict[Choice, int | str | None]
+"""Bytes at the start of a file that decide its format."""
+EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples")
+"""Choices that are an error for a format without them."""
+ReadChoices = dict[ReadChoice, int | str | None]
 
 
 def sniff(head: bytes) -> str | None:
-    """Name the format of a file from its first bytes (4096 do), None if it is none of ours."""
-    found = _find(head[:SNIFFED_BYTES])
-    return found.name if found else None
+    """Return the name of the format of a file by its first 4096 bytes; None if unknown."""
+    format = _match(head[:SNIFFED_BYTES])
+    return format.name if format else None
+
+
+def sniff_file(path: Path) -> str:
+    """Return the name of the format of a file by its first bytes; nothing is decoded.
+
+    Raises
+    ------
+    UnknownFormatError
+        The content matches none of the formats.
+    """
+    return _detect(path).name
 
 
 def read_points(
     path: str | Path,
-    limits: Limits | None = None,
+    limits: ReadLimits | None = None,
     *,
     format: str | None = None,
     scan: int | None = None,
@@ -38,32 +51,57 @@ def read_points(
     weights: str | None = None,
     attributes: bool = False,
 ) -> DecodedCloud:
-    """Decode a cloud file; the content decides the format, unless it is declared.
+    """Decode a cloud file.
 
-    ``scan`` picks one scan, counted from 0, of a file with several, which are merged otherwise.
-    ``surface_samples`` takes that many points of a mesh's surface, spread evenly by area, instead
-    of its vertices. ``attributes`` keeps the other columns of PLY, PCD, LAS and LAZ. ``weights``
-    names the attribute that says how much each point counts, in these formats, in text whose
-    columns have names, a field of an NPY, or an array or field of an NPZ.
+    Parameters
+    ----------
+    path
+        The file; its name is not used.
+    limits
+        Bounds checked before memory is allocated; None for the defaults.
+    format
+        Name of the format, one of FORMATS; None: by content.
+    scan
+        Index, from 0, of one scan of an E57 or PTX file; None merges all.
+    surface_samples
+        Number of points to sample on the surface of a mesh, evenly by area; None takes its
+        vertices.
+    weights
+        Name of the attribute that holds the weight of each point: of PLY, PCD, LAS and LAZ, of
+        text with named columns, a field of an NPY, or an array or field of an NPZ.
+    attributes
+        Keep the other columns of PLY, PCD, LAS and LAZ.
+
+    Returns
+    -------
+    DecodedCloud
+        The points, in the unit and frame of the file.
 
     Raises
     ------
     CloudFileError
         The file cannot be read as a cloud; the message names the byte or line.
     MissingAttributeError
-        It has no such weights; the message names the attributes that there are.
+        The file has no attribute `weights`; the message lists those it has.
+
+    Examples
+    --------
+    >>> from service.formats import read_points
+    >>> cloud = read_points("scan.ply")  # doctest: +SKIP
+    >>> cloud.points.shape  # doctest: +SKIP
+    (14879, 3)
     """
     path = Path(path)
     if path.stat().st_size == 0:
         raise TruncatedFileError("the file is empty")
-    found = _sniffed(path) if format is None else _named(format)
-    choices: Choices = {
+    found = _detect(path) if format is None else _by_name(format)
+    choices: ReadChoices = {
         "scan": scan,
         "surface_samples": surface_samples,
         "attributes": attributes or weights is not None,
         "weights": weights,
     }
-    cloud = _read(found, path, limits or Limits(), choices)
+    cloud = _read(found, path, limits or ReadLimits(), choices)
     if weights is None:
         return cloud
     if weights not in cloud.attributes:
@@ -72,38 +110,45 @@ def read_points(
     return replace(cloud, weights=cloud.attributes[weights], attributes=kept)
 
 
-def _read(found: Format, path: Path, limits: Limits, choices: Choices) -> DecodedCloud:
-    if found.read is None or found.wraps(path):
-        with unwrapped(path, limits) as inner:
+def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) -> DecodedCloud:
+    if format.read is None or format.is_archive(path):
+        with expand_archive(path, limits) as inner:
             if inner.stat().st_size == 0:
-                raise TruncatedFileError("the file within the archive is empty")
-            inside = _sniffed(inner)
-            if inside.read is None or inside.wraps(inner):
-                raise UnsupportedFileError("an archive within an archive")
+                raise TruncatedFileError("the file in the archive is empty")
+            inside = _detect(inner)
+            if inside.read is None or inside.is_archive(inner):
+                raise UnsupportedFileError(
+                    "the archive holds another archive; expected one cloud file"
+                )
             return _read(inside, inner, limits, choices)
-    for name, value in choices.items():
-        if name in PLACES and value is not None and name not in found.choices:
-            raise MalformedFileError(f"{name} is chosen, but the file is of format {found.name}")
-    return found.read(path, limits, **{name: choices[name] for name in found.choices})
+    for name in EXCLUSIVE_CHOICES:
+        if choices[name] is not None and name not in format.choices:
+            raise MalformedFileError(
+                f"{name} is set, but the file is of format {format.name}, which has no {name}"
+            )
+    try:
+        return format.read(path, limits, **{name: choices[name] for name in format.choices})
+    except CloudFileError as error:
+        raise type(error)(f"read as {format.name}: {error}") from None
 
 
-def _named(name: str) -> Format:
+def _by_name(name: str) -> Format:
     for format in FORMATS:
         if format.name == name:
             return format
     names = ", ".join(format.name for format in FORMATS)
-    raise UnknownFormatError(f"no format is called {name[:40]!r}; there are {names}")
+    raise UnknownFormatError(f"no format is called {name[:40]!r}; expected one of {names}")
 
 
-def _sniffed(path: Path) -> Format:
+def _detect(path: Path) -> Format:
     with path.open("rb") as file:
         head = file.read(SNIFFED_BYTES)
-    found = _find(head)
-    if found is None:
+    format = _match(head)
+    if format is None:
         names = ", ".join(format.name for format in FORMATS)
-        raise UnknownFormatError(f"begins with {head[:16]!r}: none of the formats {names}")
-    return found
+        raise UnknownFormatError(f"the file begins with {head[:16]!r}: none of the formats {names}")
+    return format
 
 
-def _find(head: bytes) -> Format | None:
+def _match(head: bytes) -> Format | None:
     return next((item for item in FORMATS if item.sniff and item.sniff(head)), None)

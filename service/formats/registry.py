@@ -1,4 +1,4 @@
-"""The formats that are read, in the order in which a file is tried."""
+"""The registry of readable formats, in the order in which their sniffers are tried."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from service.formats.decoded_cloud import DecodedCloud
 from service.formats.mesh import gltf
 from service.formats.mesh import text as mesh_text
 
-Choice = Literal["scan", "surface_samples", "attributes", "weights"]
-"""All attributes, or the one that holds the weights."""
+ReadChoice = Literal["scan", "surface_samples", "attributes", "weights"]
+"""Keyword arguments of `read_points` that only some formats know."""
 
 
 def _never(_: Any) -> bool:
@@ -22,19 +22,25 @@ def _never(_: Any) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Format:
+    """A file format: how it is recognised and read."""
+
     name: str
+    """Name in requests and results."""
     title: str
+    """One line for users: the dialects that are read."""
     extensions: tuple[str, ...]
+    """Usual file extensions; for information only."""
     sniff: Callable[[bytes], bool] | None
-    """Whether a file begins like this; None: only if declared."""
+    """Whether the first bytes of a file match; None: read only if declared."""
     read: Callable[..., DecodedCloud] | None
-    """Takes the path, the limits, and the choices by their names; None: it only wraps."""
-    choices: tuple[Choice, ...] = ()
-    wraps: Callable[[Path], bool] = _never
-    """Whether a file of this format is one around another, which is to be read instead."""
+    """Takes the path, the limits, and the choices as keywords; None: always an archive."""
+    choices: tuple[ReadChoice, ...] = ()
+    """Keyword arguments that `read` takes."""
+    is_archive: Callable[[Path], bool] = _never
+    """Whether a file is an archive around another cloud file, which is read instead."""
 
 
-def _starts(*magics: bytes) -> Callable[[bytes], bool]:
+def _starts_with(*magics: bytes) -> Callable[[bytes], bool]:
     return lambda head: head.startswith(magics)
 
 
@@ -43,7 +49,7 @@ FORMATS = (
         "ply",
         "Stanford PLY: ASCII, binary of both byte orders; the vertices",
         (".ply",),
-        _starts(b"ply\n", b"ply\r\n", b"ply "),
+        _starts_with(b"ply\n", b"ply\r\n", b"ply "),
         ply.read,
         ("attributes",),
     ),
@@ -59,7 +65,7 @@ FORMATS = (
         "las",
         "ASPRS LAS 1.0 to 1.4 and LAZ, scale and offset in float64",
         (".las", ".laz"),
-        _starts(las.MAGIC),
+        _starts_with(las.MAGIC),
         las.read,
         ("attributes",),
     ),
@@ -67,7 +73,7 @@ FORMATS = (
         "e57",
         "ASTM E57: one scan, or all merged",
         (".e57",),
-        _starts(e57.MAGIC),
+        _starts_with(e57.MAGIC),
         e57.read,
         ("scan",),
     ),
@@ -83,7 +89,7 @@ FORMATS = (
         "npy",
         "NumPy array (N, 3 or more), (H, W, 3), or with fields x, y, z",
         (".npy",),
-        _starts(npy.MAGIC),
+        _starts_with(npy.MAGIC),
         npy.read_npy,
         ("weights",),
     ),
@@ -124,16 +130,16 @@ FORMATS = (
         "NumPy archive (.npz): the array called points, xyz, ..., or the only one; "
         "or one file of any format, zipped",
         (".npz", ".zip"),
-        _starts(archives.ZIP_MAGIC),
+        _starts_with(archives.ZIP_MAGIC),
         npy.read_npz,
         ("weights",),
-        wraps=archives.zips_one_file,
+        is_archive=archives.is_single_file_zip,
     ),
     Format(
         "gzip",
         "one file of any format, compressed by gzip",
         (".gz",),
-        _starts(archives.GZIP_MAGIC),
+        _starts_with(archives.GZIP_MAGIC),
         None,
     ),
     Format(

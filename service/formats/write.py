@@ -1,4 +1,4 @@
-"""Clouds to files: PLY, PCD, LAZ, NPY, with the attributes that each can hold."""
+"""Writers of PLY, PCD, LAZ and NPY, with the attributes that each can hold."""
 
 from __future__ import annotations
 
@@ -8,34 +8,48 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.libraries import import_library
+
 Attributes = Mapping[str, NDArray[np.generic]]
 _PLY_TYPES = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort",
     "i4": "int", "u4": "uint", "f4": "float", "f8": "double",
 }  # fmt: skip
 _LAS_STEPS = 2_000_000_000
-"""Coordinates are stored as 32-bit counts of the scale; a little room is left."""
+"""Steps of the scale across the extent; LAS stores 32-bit counts of it."""
 
 
 def write_cloud(
     path: Path, format: str, points: NDArray[np.floating], attributes: Attributes
 ) -> None:
-    """Write (N, 3) points and their (N,) attributes in one of the formats of WRITERS."""
+    """Write points and attributes in one of the formats of WRITERS.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    format
+        Key of WRITERS.
+    points
+        (N, 3) coordinates.
+    attributes
+        (N,) columns by name.
+    """
     WRITERS[format](path, points, attributes)
 
 
 def write_ply(
     path: Path, points: NDArray[np.floating], attributes: Attributes | None = None
 ) -> None:
-    """Write a binary little-endian PLY file, the coordinates in their precision.
+    """Write a binary little-endian PLY file; coordinates keep their precision.
 
-    PLY has no 64-bit integers: they become double.
+    64-bit integers, which PLY lacks, become double.
     """
     narrow = {
-        name.replace(" ", "_"): column if _code(column) in _PLY_TYPES else column.astype("f8")
+        name.replace(" ", "_"): column if _type_code(column) in _PLY_TYPES else column.astype("f8")
         for name, column in (attributes or {}).items()
     }
-    rows = _rows(points, narrow)
+    rows = _to_rows(points, narrow)
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     lines += [f"property {_PLY_TYPES[rows[n].dtype.str[1:]]} {n}" for n in rows.dtype.names or ()]
     with path.open("wb") as file:
@@ -45,7 +59,7 @@ def write_ply(
 
 def write_pcd(path: Path, points: NDArray[np.floating], attributes: Attributes) -> None:
     """Write a binary PCD file."""
-    rows = _rows(points, {name.replace(" ", "_"): c for name, c in attributes.items()})
+    rows = _to_rows(points, {name.replace(" ", "_"): c for name, c in attributes.items()})
     names = rows.dtype.names or ()
     codes = [rows[name].dtype.str[1:].upper() for name in names]
     lines = [
@@ -67,18 +81,22 @@ def write_pcd(path: Path, points: NDArray[np.floating], attributes: Attributes) 
 
 
 def write_npy(path: Path, points: NDArray[np.floating], attributes: Attributes) -> None:
-    """Write an (N, 3) array, or with attributes a structured one with the fields x, y, z, ..."""
+    """Write an (N, 3) array; with attributes a structured one with the fields x, y, z, ..."""
     with path.open("wb") as file:
-        np.save(file, _rows(points, attributes) if attributes else points, allow_pickle=False)
+        np.save(file, _to_rows(points, attributes) if attributes else points, allow_pickle=False)
 
 
 def write_laz(path: Path, points: NDArray[np.floating], attributes: Attributes) -> None:
-    """Write LAZ 1.4, point format 7; attributes that it lacks become extra dimensions.
+    """Write LAZ 1.4, point format 7; other attributes become extra dimensions.
 
-    Points that are not finite are left out: LAS cannot hold them.
+    Non-finite points are left out: LAS cannot hold them.
+
+    Raises
+    ------
+    MissingLibraryError
+        laspy is not installed.
     """
-    import laspy
-
+    laspy = import_library("laspy")
     finite = np.isfinite(points).all(axis=1)
     points = points[finite].astype(np.float64)
     header = laspy.LasHeader(point_format=7, version="1.4")
@@ -99,25 +117,27 @@ def write_laz(path: Path, points: NDArray[np.floating], attributes: Attributes) 
 
 
 def _scales(extent: float) -> NDArray[np.float64]:
-    """The finest power of ten that spans the extent in 32 bits, 1e-9 at the least."""
+    """Return the smallest power of ten, at least 1e-9, that spans the extent in 32 bits."""
     needed = max(extent / _LAS_STEPS, 1e-9)
     return np.full(3, 10.0 ** np.ceil(np.log10(needed)))
 
 
-def _rows(points: NDArray[np.floating], attributes: Attributes) -> NDArray[np.void]:
-    """(N,) structured, little-endian: x, y, z, then the attributes."""
+def _to_rows(points: NDArray[np.floating], attributes: Attributes) -> NDArray[np.void]:
+    """Build an (N,) structured little-endian array: x, y, z, then the attributes."""
     kind = "<f8" if points.dtype.itemsize > 4 else "<f4"
     columns = dict(zip("xyz", points.T, strict=True)) | {
         name: column for name, column in attributes.items() if name not in ("x", "y", "z")
     }
-    layout = [(n, kind if n in ("x", "y", "z") else f"<{_code(c)}") for n, c in columns.items()]
+    layout = [
+        (n, kind if n in ("x", "y", "z") else f"<{_type_code(c)}") for n, c in columns.items()
+    ]
     rows = np.empty(len(points), np.dtype(layout))
     for name, column in columns.items():
         rows[name] = column
     return rows
 
 
-def _code(column: NDArray[np.generic]) -> str:
+def _type_code(column: NDArray[np.generic]) -> str:
     return column.dtype.str[1:]
 
 
@@ -127,3 +147,4 @@ WRITERS: dict[str, Callable[[Path, NDArray[np.floating], Attributes], None]] = {
     "laz": write_laz,
     "npy": write_npy,
 }
+"""Writers by the name of their format."""

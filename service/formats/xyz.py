@@ -1,4 +1,4 @@
-"""Delimited text: XYZ, TXT, CSV; one point a line."""
+"""Delimited text (XYZ, TXT, CSV, PTS): one point a line."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.column_names import find_normals, find_xyz
-from service.formats.decoded_cloud import DecodedCloud, Limits
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
     MalformedFileError,
     TruncatedFileError,
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.text_table import Dialect, ends_with_newline, head_lines, read_columns
+from service.formats.text_table import Dialect, ends_with_newline, read_columns, read_head_lines
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|\s*[+-]?(nan|inf)\s*", re.I)
 _DELIMITERS = (";", "\t", ",", None)  # None: any run of blanks
@@ -39,30 +39,30 @@ class _Layout:
 
 
 def sniff(head: bytes) -> bool:
-    """Whether the bytes read as lines of numbers, after at most a few lines of header."""
+    """Whether the bytes are lines of numbers, after at most a few lines of header."""
     if b"\0" in head:
         return False
     lines = head.decode("latin1").split("\n")
     try:
-        return _any_layout(lines[:-1] if len(lines) > 1 else lines) is not None
+        return _detect_layout(lines[:-1] if len(lines) > 1 else lines) is not None
     except MalformedFileError:
-        return True  # named columns, but not the right ones: the reader says so
+        return True  # the columns have other names: the reader reports them
 
 
-def read(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud:
-    """Read the columns x, y, z (by name, else the first three), and the normals if they are named.
+def read(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedCloud:
+    """Read the columns x, y, z (by name, else the first three), and named normals.
 
-    The column called as `weights` says is kept as an attribute.
+    `weights` names a column to keep as an attribute.
 
     Raises
     ------
     CloudFileError
-        With the line at fault.
+        The text is malformed; the message names the line.
     """
-    lines = head_lines(path, limits)
+    lines = read_head_lines(path, limits)
     if any("\0" in line for line in lines):
-        raise UnsupportedFileError("zero bytes in text; is it UTF-16? UTF-8 is read here")
-    layout = _any_layout(lines)
+        raise UnsupportedFileError("the text has zero bytes; if it is UTF-16, save it as UTF-8")
+    layout = _detect_layout(lines)
     if layout is None:
         raise MalformedFileError(
             f"line 1 to {len(lines)}: no line of three numbers; expected one point a line"
@@ -77,20 +77,20 @@ def read(path: Path, limits: Limits, weights: str | None = None) -> DecodedCloud
     dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma)
     table = read_columns(path, offset, layout.first_row + 1, columns, limits, dialect=dialect)
     if layout.count is not None and len(table) < layout.count:
-        raise TruncatedFileError(f"{len(table)} rows, but {layout.count} are announced")
+        raise TruncatedFileError(f"the file has {len(table)} rows, but announces {layout.count}")
     warnings = list(layout.warnings)
     if not ends_with_newline(path):
-        warnings.append("the last line is not ended: its last number may have been cut")
+        warnings.append("the last line has no line end: its last number may have been cut")
     normals = table[:, 3:6] if layout.normals else None
     kept: dict[str, NDArray[np.generic]] = {} if weights is None else {weights: table[:, -1]}
     return DecodedCloud(table[:, :3], "xyz", tuple(warnings), normals, attributes=kept)
 
 
-def _any_layout(lines: Sequence[str]) -> _Layout | None:
-    """Numbers with decimal points, else with decimal commas between semicolons or tabs."""
-    layout = _layout(lines)
+def _detect_layout(lines: Sequence[str]) -> _Layout | None:
+    """Detect the layout with decimal points, else with decimal commas and ; or tabs."""
+    layout = _find_layout(lines)
     if layout is None:
-        layout = _layout([line.replace(",", ".") for line in lines])
+        layout = _find_layout([line.replace(",", ".") for line in lines])
         if layout is None or layout.delimiter not in (";", "\t"):
             return None
         warnings = (*layout.warnings, "commas are read as decimal points")
@@ -98,8 +98,8 @@ def _any_layout(lines: Sequence[str]) -> _Layout | None:
     return layout
 
 
-def _layout(lines: Sequence[str]) -> _Layout | None:
-    """Find the first line of data; the last line of words before it may name the columns."""
+def _find_layout(lines: Sequence[str]) -> _Layout | None:
+    """Find the first line of data; the last line of text before it may name the columns."""
     header: str | None = None
     strays: list[int] = []
     count: int | None = None
@@ -107,13 +107,13 @@ def _layout(lines: Sequence[str]) -> _Layout | None:
         line = raw.removeprefix(_BYTE_ORDER_MARK).strip() if index == 0 else raw.strip()
         if not line:
             continue
-        named = _named(header, line, index) if header is not None else None
+        named = _named_layout(header, line, index) if header is not None else None
         if named is not None:
-            return _with(named, count, strays[:-1])
+            return _complete(named, count, strays[:-1])
         delimiter, numeric = _numeric_delimiter(line)
         if numeric:
             _refuse_unclear(header, line, delimiter, index)
-            return _with(_Layout(index, delimiter), count, strays)
+            return _complete(_Layout(index, delimiter), count, strays)
         if line.isdecimal() and count is None:
             count = int(line[:18])
         elif line.startswith(_COMMENTS):
@@ -124,15 +124,15 @@ def _layout(lines: Sequence[str]) -> _Layout | None:
     return None
 
 
-def _with(layout: _Layout, count: int | None, strays: Sequence[int]) -> _Layout:
+def _complete(layout: _Layout, count: int | None, strays: Sequence[int]) -> _Layout:
     warnings: tuple[str, ...] = ()
     if strays:
         warnings = (f"line {strays[0]} to {strays[-1]}: skipped as a header",)
     return replace(layout, count=count, warnings=warnings)
 
 
-def _named(header: str, line: str, index: int) -> _Layout | None:
-    """Columns by name, if the header has x, y, z and as many names as the line has fields."""
+def _named_layout(header: str, line: str, index: int) -> _Layout | None:
+    """Return columns by name, if the header has x, y, z and a name for each field."""
     for delimiter in _DELIMITERS:
         names, fields = _split(header, delimiter), _split(line, delimiter)
         xyz = find_xyz(names)
@@ -148,13 +148,14 @@ def _named(header: str, line: str, index: int) -> _Layout | None:
 
 
 def _refuse_unclear(header: str | None, line: str, delimiter: str | None, index: int) -> None:
-    """A header with other names over more than three columns: which are the coordinates?"""
+    """Refuse a header with other names over more than three columns."""
     if header is None:
         return
     names, fields = _split(header, delimiter), _split(line, delimiter)
     if len(names) == len(fields) > 3 and not any(_NUMBER.fullmatch(name) for name in names):
         raise MalformedFileError(
-            f"line {index}: none of the columns {', '.join(names)[:80]!r} are called x, y, z"
+            f"line {index}: the columns are called {', '.join(names)[:80]!r}; "
+            "expected the names x, y and z among them"
         )
 
 

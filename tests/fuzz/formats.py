@@ -2,7 +2,7 @@
 
 Whatever the bytes, a reader raises CloudFileError or gives an (N, 3) cloud no longer than the
 bytes. An input that breaks this is written to build/fuzz/FORMAT/; put right, it belongs into
-tests/service/findings/, where every test run reads it.
+tests/unit/service/formats/findings/, where every test run reads it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ with atheris.instrument_imports(include=["service.formats", "laspy", "pye57", "t
     import pye57  # noqa: F401
     import trimesh.sample  # noqa: F401
 
-    from service.formats import FORMATS, CloudFileError, Limits, read_points, sniff
+    from service.formats import FORMATS, CloudFileError, ReadLimits, read_points, sniff
 
 from tests.factories.cloud_files import seeds
 from tests.factories.scanner_files import kitti, scanner_seeds, whole_e57
 
-LIMITS = Limits(max_points=100_000)
-MOST_BYTES = 20_000
+LIMITS = ReadLimits(max_points=100_000)
+MAX_BYTES = 20_000
 WHOLE = {"e57": whole_e57}
 """What puts checksums right, without which no change gets far."""
-MOST_RUNS = {"e57": 60_000}
+MAX_RUNS = {"e57": 60_000}
 """libE57 keeps 40 KB for each file that it fails on; the corpus stays for the next time."""
 CHOSEN = {"scan": 0, "surface_samples": 10, "attributes": True, "weights": "intensity"}
 
@@ -42,9 +42,9 @@ def main() -> None:
     for kind, content in files.items():
         if kind == name or sniff(content[:4096]) == name:
             (folder / kind.replace(" ", "-")).write_bytes(content)
-    options = [f"-max_total_time={seconds}", f"-max_len={MOST_BYTES}", "-timeout=20"]
+    options = [f"-max_total_time={seconds}", f"-max_len={MAX_BYTES}", "-timeout=20"]
     options += ["-rss_limit_mb=3000", "-print_final_stats=1", f"-artifact_prefix={folder}/"]
-    options += [f"-runs={MOST_RUNS.get(name, -1)}"]
+    options += [f"-runs={MAX_RUNS.get(name, -1)}"]
     with tempfile.TemporaryDirectory(dir="/dev/shm") as scratch:
         path = Path(scratch) / "cloud"
 

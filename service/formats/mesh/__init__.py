@@ -1,4 +1,4 @@
-"""Meshes by trimesh: STL, OBJ, OFF, glTF; their vertices, or samples of their surface."""
+"""Meshes (STL, OBJ, OFF, glTF): their vertices, or samples of their surface."""
 
 from __future__ import annotations
 
@@ -9,76 +9,89 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, Limits, check_count
-from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.errors import (
+    FileLimitError,
+    MalformedFileError,
+    TruncatedFileError,
+    short_reason,
+)
+from service.formats.libraries import import_library
 from service.formats.mesh import text as mesh_text
 from service.formats.mesh.gltf import check_gltf
 
-SEED = 0  # of the surface samples: the same file gives the same points
-_STL_HEAD, _STL_ROW = 84, 50
+SEED = 0
+"""Seed of the surface samples: the same file gives the same points."""
+_STL_HEADER_BYTES, _STL_ROW_BYTES = 84, 50
 _SNIFFED_TRIANGLES = 20
-_LARGEST = 1e12  # of a coordinate; a quarter of random floats are in the range, rows are 12
+_MAX_COORDINATE = 1e12
+"""Magnitude that a coordinate may have; a quarter of random floats are in the range."""
 
 
 def sniff_stl(head: bytes) -> bool:
-    """Whether it is an ASCII solid, or the first triangles of a binary one make sense."""
+    """Whether it is an ASCII solid, or the first triangles of a binary one are plausible."""
     if head.lstrip().startswith(b"solid") and b"facet" in head and b"\0" not in head:
         return True
-    body = head[_STL_HEAD:]
-    rows = min(len(body) // _STL_ROW, _SNIFFED_TRIANGLES)
+    body = head[_STL_HEADER_BYTES:]
+    rows = min(len(body) // _STL_ROW_BYTES, _SNIFFED_TRIANGLES)
     if rows == 0 or struct.unpack_from("<I", head, 80)[0] < rows:
         return False
     layout = np.dtype([("floats", "<f4", 12), ("attribute", "<u2")])
     floats = np.frombuffer(body, layout, rows)["floats"]
     with np.errstate(invalid="ignore"):
         sizes = np.abs(floats)
-        plausible = (sizes < _LARGEST) & ((sizes > 1 / _LARGEST) | (sizes == 0))
+        plausible = (sizes < _MAX_COORDINATE) & ((sizes > 1 / _MAX_COORDINATE) | (sizes == 0))
     return bool(plausible.all() and (floats[:, 3:] != 0).any())
 
 
-def read_stl(path: Path, limits: Limits, surface_samples: int | None) -> DecodedCloud:
-    """Read an STL file; its corners are merged where they agree exactly."""
+def read_stl(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
+    """Read an STL file: its corners, equal ones merged, or surface samples."""
     _check_stl(path, limits)
-    return _read(path, limits, "stl", surface_samples)
+    return _read_mesh(path, limits, "stl", surface_samples)
 
 
-def read_obj(path: Path, limits: Limits, surface_samples: int | None) -> DecodedCloud:
+def read_obj(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
     """Read an OBJ file: the vertices in the order of the file, or surface samples."""
     vertices = mesh_text.read_obj(path, limits)
-    return vertices if surface_samples is None else _read(path, limits, "obj", surface_samples)
+    return vertices if surface_samples is None else _read_mesh(path, limits, "obj", surface_samples)
 
 
-def read_off(path: Path, limits: Limits, surface_samples: int | None) -> DecodedCloud:
+def read_off(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
     """Read an OFF file: the vertices in the order of the file, or surface samples."""
     vertices = mesh_text.read_off(path, limits)
-    return vertices if surface_samples is None else _read(path, limits, "off", surface_samples)
+    return vertices if surface_samples is None else _read_mesh(path, limits, "off", surface_samples)
 
 
-def read_gltf(path: Path, limits: Limits, surface_samples: int | None) -> DecodedCloud:
-    """Read the meshes of a glTF 2.0 file (.glb, or .gltf with its data inside), each in place."""
+def read_gltf(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
+    """Read the meshes of a glTF 2.0 file (.glb, or .gltf with embedded data), placed by nodes."""
     kind = check_gltf(path, limits)
-    return _read(path, limits, kind, surface_samples)
+    return _read_mesh(path, limits, kind, surface_samples)
 
 
-def _read(path: Path, limits: Limits, kind: str, surface_samples: int | None) -> DecodedCloud:
+def _read_mesh(
+    path: Path, limits: ReadLimits, kind: str, surface_samples: int | None
+) -> DecodedCloud:
     name = "gltf" if kind == "glb" else kind
     vertices, faces = _load(path, kind)
     if len(vertices) == 0:
         raise MalformedFileError("the mesh has no vertices")
     check_count(len(vertices), 0, 0, "the vertices", limits)
     if surface_samples is None:
-        points = _distinct(vertices) if kind == "stl" else vertices
-        return DecodedCloud(points, name, ("the vertices are used, not the surface",))
+        points = _unique_rows(vertices) if kind == "stl" else vertices
+        return DecodedCloud(
+            points, name, ("the vertices are read; set 'surface_samples' to sample the surface",)
+        )
     if surface_samples > limits.max_points:
-        raise FileLimitError(f"{surface_samples} samples; at most {limits.max_points} points")
-    points, normals = _sampled(vertices, faces, surface_samples)
+        raise FileLimitError(
+            f"surface_samples is {surface_samples}; the limit is {limits.max_points} points"
+        )
+    points, normals = _sample_surface(vertices, faces, surface_samples)
     return DecodedCloud(points, name, (), normals)
 
 
 def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """All vertices (V, 3) and triangles (T, 3) of the file, every part in its place."""
-    import trimesh
-
+    """Load the vertices (V, 3) and triangles (T, 3) of all parts, placed in the scene."""
+    trimesh = import_library("trimesh")
     vertices, faces = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
     try:
         with path.open("rb") as file:
@@ -93,34 +106,37 @@ def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]
     except MemoryError:
         raise
     except Exception as error:  # noqa: BLE001  trimesh raises nearly anything on damaged files
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        reason = short_reason(error)
         raise MalformedFileError(f"the mesh cannot be read: {reason}") from None
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-def _distinct(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Each place once, in the order of the first appearance."""
+def _unique_rows(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Remove repeated rows; the first of each is kept, in order."""
     _, first = np.unique(vertices, axis=0, return_index=True)
     return vertices[np.sort(first)]
 
 
-def _sampled(
+def _sample_surface(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points spread evenly by area, and the normals of their triangles."""
-    import trimesh
-
+    """Sample points evenly by area, with the normals of their triangles."""
+    trimesh = import_library("trimesh")
+    sampling = import_library("trimesh.sample")
     if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise MalformedFileError("a triangle names a vertex that is not there")
+        raise MalformedFileError("a triangle refers to a vertex that does not exist")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not (np.isfinite(mesh.area) and mesh.area > 0):
-        raise MalformedFileError(f"{len(faces)} triangles of area {mesh.area}: nothing to sample")
-    points, triangles = trimesh.sample.sample_surface(mesh, count, seed=SEED)
+        raise MalformedFileError(
+            f"the {len(faces)} triangles have the area {mesh.area}: nothing to sample; "
+            "leave surface_samples out to read the vertices"
+        )
+    points, triangles = sampling.sample_surface(mesh, count, seed=SEED)
     return np.asarray(points, np.float64), np.asarray(mesh.face_normals[triangles], np.float64)
 
 
-def _check_stl(path: Path, limits: Limits) -> None:
-    """A binary file holds the triangles that it announces, an ASCII file has its end."""
+def _check_stl(path: Path, limits: ReadLimits) -> None:
+    """Check that a binary file holds the announced triangles, and that an ASCII file ends."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(1024)
@@ -130,7 +146,7 @@ def _check_stl(path: Path, limits: Limits) -> None:
         if b"endsolid" not in tail:
             raise TruncatedFileError(f"byte {size}: the file ends before 'endsolid'")
         return
-    count = struct.unpack_from("<I", head, 80)[0] if len(head) >= _STL_HEAD else 0
+    count = struct.unpack_from("<I", head, 80)[0] if len(head) >= _STL_HEADER_BYTES else 0
     check_count(3 * count, 0, 0, "byte 80", limits)
-    if _STL_HEAD + _STL_ROW * count > size:
+    if _STL_HEADER_BYTES + _STL_ROW_BYTES * count > size:
         raise TruncatedFileError(f"byte 80: {count} triangles do not fit into {size} bytes")

@@ -1,4 +1,4 @@
-"""What a glTF file announces, checked before trimesh takes memory for it."""
+"""Checks of a glTF file before trimesh allocates memory for it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from service.formats.decoded_cloud import Limits, check_count
+from service.formats.decoded_cloud import ReadLimits, check_count
 from service.formats.errors import (
     FileLimitError,
     MalformedFileError,
@@ -16,23 +16,24 @@ from service.formats.errors import (
 )
 
 MAGIC = b"glTF"
-_LARGEST_JSON = 64 << 20
-_MOST_NODES = 100_000
-_DEEPEST = 100
+_MAX_JSON_BYTES = 64 << 20
+_MAX_NODES = 100_000
+_MAX_DEPTH = 100
+"""Levels of nodes; the time that trimesh takes grows with the square of the depth."""
 
 
 def sniff(head: bytes) -> bool:
-    """Whether it is a .glb, or JSON that speaks of an "asset" early on, as .gltf does."""
+    """Whether it is a .glb, or JSON with the key "asset", as in .gltf."""
     return head.startswith(MAGIC) or (head.lstrip()[:1] == b"{" and b'"asset"' in head)
 
 
-def check_gltf(path: Path, limits: Limits) -> str:
-    """Return "glb" or "gltf".
+def check_gltf(path: Path, limits: ReadLimits) -> str:
+    """Check the announced sizes; return "glb" or "gltf".
 
     Raises
     ------
     CloudFileError
-        The file is cut, refers to other files, or announces more than it holds.
+        The file is truncated, refers to other files, or announces more than it holds.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -43,8 +44,8 @@ def check_gltf(path: Path, limits: Limits) -> str:
         else:
             file.seek(0)
             length = size
-        if length > _LARGEST_JSON:
-            raise FileLimitError(f"{length} bytes of JSON; at most {_LARGEST_JSON}")
+        if length > _MAX_JSON_BYTES:
+            raise FileLimitError(f"{length} bytes of JSON; the limit is {_MAX_JSON_BYTES}")
         text = file.read(length)
     try:
         document = json.loads(text)
@@ -53,7 +54,7 @@ def check_gltf(path: Path, limits: Limits) -> str:
         if isinstance(error, (MalformedFileError, FileLimitError, UnsupportedFileError)):
             raise
         raise MalformedFileError(
-            f"the JSON of the glTF file is not in order: {error!r}"[:300]
+            f"the JSON of the glTF file is not valid: {error!r}"[:300]
         ) from None
     return "glb" if binary else "gltf"
 
@@ -63,45 +64,55 @@ def _check_binary_header(head: bytes, size: int) -> int:
         raise TruncatedFileError(f"byte {len(head)}: the file ends within the glTF header")
     version, total, length, kind = struct.unpack_from("<III4s", head, 4)
     if version != 2 or kind != b"JSON":
-        raise UnsupportedFileError(f"byte 4: glTF version {version}, first chunk {kind!r}")
+        raise UnsupportedFileError(
+            f"byte 4: glTF version {version}, first chunk {kind!r}; expected version 2, JSON"
+        )
     if total != size or length > size - 20:
-        raise TruncatedFileError(f"byte 8: {total} bytes announced, {size} are there")
+        raise TruncatedFileError(f"byte 8: the header announces {total} bytes, the file has {size}")
     return int(length)
 
 
-def _check_document(document: dict[str, Any], size: int, limits: Limits) -> None:
+def _check_document(document: dict[str, Any], size: int, limits: ReadLimits) -> None:
     for item in [*document.get("buffers", []), *document.get("images", [])]:
         if not str(item.get("uri", "data:")).startswith("data:"):
-            raise UnsupportedFileError("data in other files; send a .glb, which has all inside")
+            raise UnsupportedFileError(
+                "the file refers to data in other files; send a .glb with all data embedded"
+            )
     for number, accessor in enumerate(document.get("accessors", [])):
         if "bufferView" not in accessor or "sparse" in accessor:
-            raise UnsupportedFileError(f"accessor {number} is sparse or compressed")
+            raise UnsupportedFileError(
+                f"accessor {number} is sparse or compressed, which is not read"
+            )
         count = accessor["count"]
         if not isinstance(count, int) or count < 0 or count > size:
-            raise TruncatedFileError(f"accessor {number} has {count!r} elements in {size} bytes")
+            raise TruncatedFileError(
+                f"accessor {number} announces {count!r} elements in a file of {size} bytes"
+            )
     nodes = document.get("nodes", [])
     children = [child for node in nodes for child in node.get("children", [])]
-    if len(nodes) > _MOST_NODES or len(set(children)) != len(children):
-        raise MalformedFileError(f"{len(nodes)} nodes, of which some have two parents or too many")
+    if len(nodes) > _MAX_NODES or len(set(children)) != len(children):
+        raise MalformedFileError(
+            f"{len(nodes)} nodes: too many (the limit is {_MAX_NODES}), or one has two parents"
+        )
     _check_depth(nodes, set(children))
-    check_count(_placed_vertices(document, nodes), 0, 0, "the nodes", limits)
+    check_count(_count_placed_vertices(document, nodes), 0, 0, "the nodes", limits)
 
 
 def _check_depth(nodes: list[dict[str, Any]], children: set[int]) -> None:
-    """Trimesh multiplies all the matrices above a node, for each node: 34 s for 1,500 in a row."""
+    """Check the depth of the tree: trimesh multiplies all matrices above each node."""
     known = range(len(nodes))
     level = [number for number in known if number not in children]
-    for _ in range(_DEEPEST):
+    for _ in range(_MAX_DEPTH):
         level = [child for number in level for child in nodes[number].get("children", [])]
         if not all(child in known for child in level):
-            raise MalformedFileError("a node has a child that is not there")
+            raise MalformedFileError("a node has a child that does not exist")
         if not level:
             return
-    raise FileLimitError(f"the nodes lie deeper than {_DEEPEST} below one another")
+    raise FileLimitError(f"the nodes are nested deeper than {_MAX_DEPTH} levels")
 
 
-def _placed_vertices(document: dict[str, Any], nodes: list[dict[str, Any]]) -> int:
-    """Vertices of all meshes, each as often as nodes place it."""
+def _count_placed_vertices(document: dict[str, Any], nodes: list[dict[str, Any]]) -> int:
+    """Count the vertices of all meshes, each as often as nodes place it."""
     accessors = document.get("accessors", [])
     sizes = [
         sum(accessors[part["attributes"]["POSITION"]]["count"] for part in mesh["primitives"])

@@ -1,14 +1,15 @@
-"""The header of a PLY file: which elements follow, and what their rows are made of."""
+"""The header of a PLY file: its elements and their properties."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal
 
-from service.formats.decoded_cloud import Limits
+from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
 Order = Literal["", "<", ">"]
+"""Byte order in NumPy's notation; empty for ASCII."""
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
     "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -19,52 +20,69 @@ _ORDERS: dict[str, Order] = {"ascii": "", "binary_little_endian": "<", "binary_b
 
 
 @dataclass(frozen=True, slots=True)
-class Property:
+class PlyProperty:
+    """A property of an element: a number, or a list of numbers."""
+
     name: str
-    type: str  # NumPy's code without byte order: "f4"
-    count_type: str | None = None  # of a list's length; None: not a list
+    """Name in the file."""
+    type: str
+    """NumPy's type without byte order: "f4"."""
+    count_type: str | None = None
+    """Type of the length of a list; None: not a list."""
 
 
 @dataclass(slots=True)
-class Element:
+class PlyElement:
+    """An element: a table of rows with the same properties."""
+
     name: str
+    """Name in the file."""
     count: int
-    properties: list[Property] = field(default_factory=list)
+    """Number of rows."""
+    properties: list[PlyProperty] = field(default_factory=list)
+    """Columns of the table."""
 
     @property
     def has_lists(self) -> bool:
+        """Whether any property is a list, so that rows differ in size."""
         return any(item.count_type for item in self.properties)
 
-    def smallest_row(self, order: Order) -> int:
-        """Bytes that a row takes at least: two a number in ASCII, empty lists in binary."""
+    def min_row_bytes(self, order: Order) -> int:
+        """Return the minimum size of a row: two bytes a number in ASCII, empty lists in binary."""
         if not order:
             return max(1, 2 * len(self.properties))
         return sum(int((item.count_type or item.type)[1]) for item in self.properties)
 
 
 @dataclass(slots=True)
-class Header:
-    order: Order  # "" for ASCII
-    elements: list[Element]
-    size: int  # bytes
+class PlyHeader:
+    """The parsed header."""
+
+    order: Order
+    """Byte order; empty for ASCII."""
+    elements: list[PlyElement]
+    """Elements in the order of their data."""
+    size: int
+    """Bytes of the header."""
     lines: int
+    """Lines of the header."""
 
 
-def parse_header(head: bytes, limits: Limits) -> Header:
-    """Parse the header at the start of ``head``.
+def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
+    """Parse the header at the start of `head`.
 
     Raises
     ------
     CloudFileError
-        With the line at fault.
+        The header is malformed or too long; the message names the line.
     """
     order: Order | None = None
-    elements: list[Element] = []
+    elements: list[PlyElement] = []
     offset = 0
     for number in range(1, limits.max_header_lines + 1):
         end = head.find(b"\n", offset)
         if end < 0:
-            raise _no_end(head, number, limits)
+            raise _missing_end(head, number, limits)
         words = head[offset:end].decode("latin1").split()
         offset = end + 1
         match words:
@@ -72,42 +90,49 @@ def parse_header(head: bytes, limits: Limits) -> Header:
                 pass
             case ["end_header"]:
                 if order is None:
-                    raise MalformedFileError(f"line {number}: no format line before end_header")
+                    raise MalformedFileError(
+                        f"line {number}: end_header without a format line before it"
+                    )
                 for element in elements:
                     if not element.properties:
                         raise MalformedFileError(f"element {element.name[:40]!r} has no properties")
-                return Header(order, elements, offset, number)
+                return PlyHeader(order, elements, offset, number)
             case ["format", name, "1.0"] if name in _ORDERS and order is None:
                 order = _ORDERS[name]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
-                elements.append(Element(name, int(count)))
+                elements.append(PlyElement(name, int(count)))
             case ["property", *rest] if elements:
                 _add_property(elements[-1], rest, number, limits)
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
-                raise MalformedFileError(f"line {number}: {' '.join(words)[:60]!r} in a PLY header")
-    raise FileLimitError(f"no end_header in the first {limits.max_header_lines} lines")
+                raise MalformedFileError(
+                    f"line {number}: {' '.join(words)[:60]!r} is not a valid line of a PLY header"
+                )
+    raise FileLimitError(f"no line 'end_header' in the first {limits.max_header_lines} lines")
 
 
-def _no_end(head: bytes, number: int, limits: Limits) -> FileLimitError | TruncatedFileError:
+def _missing_end(
+    head: bytes, number: int, limits: ReadLimits
+) -> FileLimitError | TruncatedFileError:
     if len(head) >= limits.max_header_bytes:
-        return FileLimitError(f"no end_header in the first {limits.max_header_bytes} bytes")
+        return FileLimitError(f"no line 'end_header' in the first {limits.max_header_bytes} bytes")
     return TruncatedFileError(f"line {number}: the file ends within the PLY header")
 
 
-def _add_property(element: Element, words: list[str], number: int, limits: Limits) -> None:
+def _add_property(element: PlyElement, words: list[str], number: int, limits: ReadLimits) -> None:
     match words:
         case [kind, name] if kind in _TYPES:
-            new = Property(name, _TYPES[kind])
+            new = PlyProperty(name, _TYPES[kind])
         case ["list", length, kind, name] if _TYPES.get(length, "f")[0] in "iu" and kind in _TYPES:
-            new = Property(name, _TYPES[kind], _TYPES[length])
+            new = PlyProperty(name, _TYPES[kind], _TYPES[length])
         case _:
             raise MalformedFileError(
-                f"line {number}: 'property {' '.join(words)[:60]}' in a PLY header"
+                f"line {number}: 'property {' '.join(words)[:60]}' is not valid; expected "
+                "a type and a name, or a list with two types and a name"
             )
     if any(new.name == other.name for other in element.properties):
-        raise MalformedFileError(f"line {number}: a second property {new.name[:40]!r}")
+        raise MalformedFileError(f"line {number}: the property {new.name[:40]!r} is repeated")
     if len(element.properties) >= limits.max_properties:
         raise FileLimitError(f"line {number}: more than {limits.max_properties} properties")
     element.properties.append(new)

@@ -1,4 +1,4 @@
-"""Every kind of file gives the points that it holds, whatever its dialect and its name."""
+"""Laws of all readers: the file's points, or an error that says why."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import pytest
 from service.formats import (
     CloudFileError,
     DecodedCloud,
+    FileLimitError,
     MalformedFileError,
     MissingAttributeError,
+    ReadLimits,
     UnknownFormatError,
     read_points,
     sniff,
-    write_ply,
 )
 from tests.factories.cloud_files import NORMALS, POINTS, npy, npz, pcd, ply, seeds, text_rows
+from tests.factories.decoding import decode, decode_frugally, write_file
+from tests.factories.hostile_files import ALL, HUGE, LIES, corpus
+from tests.factories.scanner_files import scanner_seeds
 
 REAL = [
     ("csv_header.csv", "xyz", 7999, (80.2649, 70.450547, 24.4703)),
@@ -28,12 +32,6 @@ REAL = [
     ("ply_ascii_range_grid.ply", "ply", 14879, (0.0936924, 0.1446016, 0.1492462)),
     ("xyz_text_mm.txt", "xyz", 20000, (261.730003, 38.721138, 72.638733)),
 ]
-
-
-def decode(tmp_path: Path, content: bytes) -> DecodedCloud:
-    path = tmp_path / "a file without a telling name"
-    path.write_bytes(content)
-    return read_points(path)
 
 
 @pytest.mark.real_data
@@ -68,143 +66,14 @@ def test_points_are_those_of_the_file(tmp_path: Path, kind: str) -> None:
         np.testing.assert_array_equal(cloud.normals, NORMALS)
 
 
-def test_double_precision_survives(tmp_path: Path) -> None:
-    points = POINTS.astype(np.float64) + np.array([500_000.000123, 4_000_000.000456, 0])
-    write_ply(tmp_path / "utm.ply", points)
-    np.testing.assert_array_equal(read_points(tmp_path / "utm.ply").points, points)
-    np.testing.assert_array_equal(decode(tmp_path, npy(points)).points, points)
-    text = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in points.tolist()).encode()
-    np.testing.assert_array_equal(decode(tmp_path, text).points, points)
-
-
-def test_written_ply_keeps_precision_and_points(tmp_path: Path) -> None:
-    write_ply(tmp_path / "a.ply", POINTS)
-    cloud = read_points(tmp_path / "a.ply")
-    assert cloud.points.dtype == np.float32
-    np.testing.assert_array_equal(cloud.points, POINTS)
-    assert cloud.warnings == ()
-
-
-def test_pcd_viewpoint(tmp_path: Path) -> None:
-    assert decode(tmp_path, pcd()).viewpoint == (1, 2, 3, 1, 0, 0, 0)
-
-
-ROWS = {",": text_rows(POINTS, ","), ";": text_rows(POINTS, ";"), "\t": text_rows(POINTS, "\t")}
-DIALECTS = {
-    "comma": ROWS[","],
-    "semicolon": ROWS[";"],
-    "tab": ROWS["\t"],
-    "decimal comma": ROWS[";"].replace(b".", b","),
-    "decimal comma, header, tab": b"X\tY\tZ\n" + ROWS["\t"].replace(b".", b","),
-    "blanks": text_rows(POINTS, "   "),
-    "comma and blank": text_rows(POINTS, " , "),
-    "CRLF": text_rows(POINTS, " ", "\r\n"),
-    "trailing blanks": text_rows(POINTS, " ", "  \n"),
-    "trailing delimiter": text_rows(POINTS, ",", ",\n"),
-    "byte order mark": b"\xef\xbb\xbf" + text_rows(POINTS),
-    "byte order mark and header": b"\xef\xbb\xbfX;Y;Z\n" + ROWS[";"],
-    "header": b"x,y,z\n" + ROWS[","],
-    "quoted header with units": b'"X [m]","Y [m]","Z [m]"\r\n' + ROWS[","],
-    "comment header": b"//X Y Z\n" + text_rows(POINTS),
-    "comments between": b"# a scan\n# of 40 points\n"
-    + text_rows(POINTS).replace(b"\n", b"\n\n# next\n"),
-    "count first": b"40\n" + text_rows(POINTS),
-    "stray lines": b"Scan of a part\nunit: mm\n" + text_rows(POINTS),
-    "three unnamed columns": b"a,b,c\n" + ROWS[","],
-    "more columns": text_rows(np.hstack([POINTS, NORMALS])),
-    "columns out of order": b"intensity,z,y,x\n"
-    + text_rows(np.hstack([NORMALS[:, :1], POINTS[:, ::-1]]), ","),
-    "text column": b"x,y,z,class\n" + text_rows(POINTS, ",", ",tree\n"),
-    "no newline at the end": text_rows(POINTS)[:-1],
-}
-
-
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_text_dialects(tmp_path: Path, dialect: str) -> None:
-    cloud = decode(tmp_path, DIALECTS[dialect])
-    np.testing.assert_array_equal(cloud.points.astype(np.float32), POINTS)
-
-
-def test_named_normals_of_text(tmp_path: Path) -> None:
-    rows = np.hstack([POINTS, NORMALS])
-    cloud = decode(tmp_path, b"x y z nx ny nz\n" + text_rows(rows))
-    assert cloud.normals is not None
-    np.testing.assert_array_equal(cloud.normals.astype(np.float32), NORMALS)
-
-
-def test_what_was_guessed_is_reported(tmp_path: Path) -> None:
-    assert "line 1 to 2" in decode(tmp_path, DIALECTS["stray lines"]).warnings[0]
-    assert "may have been cut" in decode(tmp_path, DIALECTS["no newline at the end"]).warnings[0]
-    assert "columns after" in decode(tmp_path, npy(np.hstack([POINTS, NORMALS]))).warnings[0]
-    assert "bytes after" in decode(tmp_path, ply() + b"more").warnings[0]
-    assert "bytes after" in decode(tmp_path, pcd() + b"more").warnings[0]
-
-
-def test_nan_rows_are_kept(tmp_path: Path) -> None:
-    rows = text_rows(POINTS) + b"nan nan nan\nNaN NaN NaN\n"
-    points = decode(tmp_path, rows).points
-    assert np.isnan(points).all(axis=1).tolist() == [False] * 40 + [True] * 2
-
-
-@pytest.mark.parametrize(
-    "array",
-    [
-        POINTS.astype(">f8"),
-        POINTS.astype(np.float16).astype(np.float64).astype(np.float16),
-        np.asfortranarray(POINTS),
-        POINTS.reshape(8, 5, 3),
-        (POINTS * 1000).round().astype(np.int32),
-        np.rec.fromarrays([*POINTS.T, NORMALS[:, 0]], names="x,y,z,intensity"),
-    ],
-    ids=["big endian", "half", "Fortran", "grid", "integers", "records"],
-)
-def test_numpy_arrays(tmp_path: Path, array: np.ndarray) -> None:
-    expected = (
-        np.stack([array[n] for n in "xyz"], axis=1) if array.dtype.names else array.reshape(-1, 3)
-    )
-    for content in (npy(array), npz(cloud=array)):
-        points = decode(tmp_path, content).points
-        assert points.dtype in (np.float32, np.float64)
-        np.testing.assert_array_equal(points, expected)
-
-
-UNCLEAR = {
-    "which columns": (
-        b"id,a,b,c\n" + text_rows(np.hstack([POINTS, NORMALS[:, :1]]), ","),
-        "line 1",
-    ),
-    "a word among numbers": (text_rows(POINTS) + b"1 two 3\n", "line 41: 'two'"),
-    "a short row": (text_rows(POINTS) + b"1 2\n" + text_rows(POINTS), "line 41: 2 fields"),
-    "a word among decimal commas": (
-        ROWS[";"].replace(b".", b",") + b"1,5;two;3,5\n",
-        "line 41: 'two'",
-    ),
-    "an empty cell": (text_rows(POINTS, ",") + b"1,,3\n", "line 41: ''"),
-    "a count above the rows": (b"41\n" + text_rows(POINTS), "40 rows, but 41"),
-    "old Mac line ends": (text_rows(POINTS, " ", "\r"), "line 1"),
-    "two vertex elements": (
-        ply().replace(b"obj_info made by hand", b"element vertex 40"),
-        "'vertex'",
-    ),
-    "no z": (ply().replace(b"float z", b"float w"), "'z'"),
-    "unknown PLY keyword": (ply().replace(b"obj_info", b"objinfo"), "line 4: 'objinfo"),
-    "a property twice": (ply().replace(b"float y", b"float x"), "line 7"),
-    "PCD without x": (pcd().replace(b"_ x y", b"_ w y"), "FIELDS"),
-    "PCD counts disagree": (pcd().replace(b"WIDTH 20", b"WIDTH 21"), "WIDTH x HEIGHT is 42"),
-    "PCD types and sizes disagree": (pcd().replace(b"SIZE 4 ", b"SIZE "), "differ: 8, 7"),
-    "complex numbers": (npy(POINTS.astype(np.complex64)), "complex64"),
-    "two columns": (npy(POINTS[:, :2]), "(40, 2)"),
-    "two unnamed arrays": (npz(a=POINTS, b=POINTS), "which are the points"),
-    "normals of another cloud": (npz(points=POINTS, normals=NORMALS[:9]), "9 normals"),
-}
-
-
-@pytest.mark.parametrize("case", UNCLEAR)
-def test_what_is_not_clear_is_an_error_that_names_the_place(tmp_path: Path, case: str) -> None:
-    content, words = UNCLEAR[case]
-    with pytest.raises(MalformedFileError) as caught:
-        decode(tmp_path, content)
-    assert words in str(caught.value)
+@pytest.mark.parametrize("kind", scanner_seeds())
+def test_points_are_those_of_the_scanner_file(tmp_path: Path, kind: str) -> None:
+    content = scanner_seeds()[kind]
+    points = read_points(write_file(tmp_path, content)).points
+    shift = [500_000.0, 4_000_000, 0] if "la" in kind.split()[0] else [0, 0, 0]
+    expected = POINTS[:39] if kind.startswith("stl") else POINTS
+    np.testing.assert_allclose(points, expected.astype(float) + shift, rtol=0, atol=2e-5)
+    assert sniff(content[:4096]) is not None
 
 
 @pytest.mark.parametrize(
@@ -218,6 +87,14 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
 def test_unknown_content_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownFormatError, match="GIF89a"):
         decode(tmp_path, b"GIF89a" + bytes(99))
+
+
+def test_choices_need_their_format(tmp_path: Path) -> None:
+    path = write_file(tmp_path, ply())
+    with pytest.raises(MalformedFileError, match="scan is set"):
+        read_points(path, scan=0)
+    with pytest.raises(MalformedFileError, match="surface_samples is set"):
+        read_points(path, surface_samples=10)
 
 
 WEIGHTS = np.linspace(0, 1, len(POINTS)).astype(np.float32)
@@ -251,12 +128,89 @@ def test_weights_are_the_attribute_of_that_name(tmp_path: Path, kind: str) -> No
     np.testing.assert_array_equal(cloud.points.astype(np.float32), POINTS)
     assert cloud.attributes == {}
     assert cloud.warnings == ()
-    with pytest.raises(MissingAttributeError, match=f"'class'.* there are .*'{name}'"):
+    with pytest.raises(MissingAttributeError, match=f"'class'.* this file: .*'{name}'"):
         read_points(path, weights="class")
 
 
 def test_weights_where_no_column_has_a_name(tmp_path: Path) -> None:
     for content in (text_rows(POINTS), npy(POINTS)):
         (tmp_path / "cloud").write_bytes(content)
-        with pytest.raises(MissingAttributeError, match="there are none"):
+        with pytest.raises(MissingAttributeError, match="this file: none"):
             read_points(tmp_path / "cloud", weights="weight")
+
+
+@pytest.mark.parametrize("kind", seeds())
+def test_a_cut_file_is_an_error_or_gives_its_points(tmp_path: Path, kind: str) -> None:
+    """A text without a count cannot know: it gives the whole rows before the cut and says so."""
+    content = seeds()[kind]
+    step = max(1, len(content) // 150)
+    for size in [*range(0, len(content), step), *range(len(content) - 20, len(content))]:
+        found = decode_frugally(tmp_path, content[:size])
+        if isinstance(found, CloudFileError):
+            assert str(found)
+            continue
+        points = found.points.astype(np.float32)
+        if kind in ("xyz", "csv"):
+            whole = len(points) - any("may have been cut" in w for w in found.warnings)
+            np.testing.assert_array_equal(points[:whole], POINTS[:whole])
+        elif any("may have been cut" in warning for warning in found.warnings):
+            np.testing.assert_array_equal(points[:-1], POINTS[:-1])
+        else:
+            np.testing.assert_array_equal(points, POINTS)
+
+
+def test_the_whole_corpus_is_an_error_or_points(tmp_path: Path) -> None:
+    names = set()
+    for name, content in corpus():
+        found = decode_frugally(tmp_path, content)
+        names.add(name)
+        if isinstance(found, DecodedCloud):
+            assert found.points.shape[1:] == (3,), name
+            assert found.points.dtype in (np.float32, np.float64), name
+            assert len(found.points) <= max(len(content), 40), name
+    assert len(names) >= 2000
+
+
+@pytest.mark.parametrize("kind", scanner_seeds())
+def test_a_cut_scanner_file_is_an_error_or_gives_its_points(tmp_path: Path, kind: str) -> None:
+    """What stands behind the points (faces, the end of a solid) may be cut; text cannot know."""
+    content = ALL[kind]
+    whole = decode_frugally(tmp_path, content)
+    assert isinstance(whole, DecodedCloud)
+    for size in np.unique(np.linspace(0, len(content) - 1, 120).astype(int)):
+        found = decode_frugally(tmp_path, content[:size])
+        if isinstance(found, DecodedCloud):
+            count = len(found.points)
+            assert count == len(whole.points) or kind == "obj", size
+            np.testing.assert_array_equal(found.points[:-1], whole.points[: count - 1])
+
+
+@pytest.mark.parametrize("case", LIES)
+def test_lies_are_errors(tmp_path: Path, case: str) -> None:
+    found = decode_frugally(tmp_path, LIES[case])
+    assert isinstance(found, CloudFileError), found
+    assert str(found)
+
+
+@pytest.mark.parametrize("case", HUGE)
+def test_sizes_of_headers_and_lines_are_bounded(tmp_path: Path, case: str) -> None:
+    assert isinstance(decode_frugally(tmp_path, HUGE[case]), CloudFileError)
+
+
+def test_the_limit_on_points_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "cloud"
+    for content in seeds().values():
+        path.write_bytes(content)
+        with pytest.raises(FileLimitError):
+            read_points(path, ReadLimits(max_points=2))
+
+
+FINDINGS = Path(__file__).parent / "findings"
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in FINDINGS.iterdir()))
+def test_what_fuzzing_found(tmp_path: Path, name: str) -> None:
+    """A name ends in -sampled where the surface is to be sampled."""
+    choices = {"surface_samples": 10} if name.endswith("-sampled") else {}
+    content = (FINDINGS / name).read_bytes()
+    assert isinstance(decode_frugally(tmp_path, content, **choices), CloudFileError)

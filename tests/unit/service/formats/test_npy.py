@@ -1,0 +1,88 @@
+"""NumPy files: every shape and type, never a pickle, never a bomb."""
+
+from __future__ import annotations
+
+import pickle
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.formats import CloudFileError, FileLimitError, MalformedFileError, UnsupportedFileError
+from tests.factories.cloud_files import NORMALS, POINTS, npy, npz
+from tests.factories.decoding import decode, decode_frugally
+from tests.factories.hostile_files import zip_of
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        POINTS.astype(">f8"),
+        POINTS.astype(np.float16).astype(np.float64).astype(np.float16),
+        np.asfortranarray(POINTS),
+        POINTS.reshape(8, 5, 3),
+        (POINTS * 1000).round().astype(np.int32),
+        np.rec.fromarrays([*POINTS.T, NORMALS[:, 0]], names="x,y,z,intensity"),
+    ],
+    ids=["big endian", "half", "Fortran", "grid", "integers", "records"],
+)
+def test_numpy_arrays(tmp_path: Path, array: np.ndarray) -> None:
+    expected = (
+        np.stack([array[n] for n in "xyz"], axis=1) if array.dtype.names else array.reshape(-1, 3)
+    )
+    for content in (npy(array), npz(cloud=array)):
+        points = decode(tmp_path, content).points
+        assert points.dtype in (np.float32, np.float64)
+        np.testing.assert_array_equal(points, expected)
+
+
+def test_double_precision_survives(tmp_path: Path) -> None:
+    points = POINTS.astype(np.float64) + np.array([500_000.000123, 4_000_000.000456, 0])
+    np.testing.assert_array_equal(decode(tmp_path, npy(points)).points, points)
+
+
+def test_ignored_columns_are_reported(tmp_path: Path) -> None:
+    assert "columns after" in decode(tmp_path, npy(np.hstack([POINTS, NORMALS]))).warnings[0]
+
+
+UNCLEAR = {
+    "complex numbers": (npy(POINTS.astype(np.complex64)), "complex64"),
+    "two columns": (npy(POINTS[:, :2]), "(40, 2)"),
+    "two unnamed arrays": (npz(a=POINTS, b=POINTS), "2 arrays; expected only one"),
+    "normals of another cloud": (npz(points=POINTS, normals=NORMALS[:9]), "9 normals"),
+}
+
+
+@pytest.mark.parametrize("case", UNCLEAR)
+def test_what_is_not_clear_is_an_error_that_names_the_place(tmp_path: Path, case: str) -> None:
+    content, words = UNCLEAR[case]
+    with pytest.raises(MalformedFileError) as caught:
+        decode(tmp_path, content)
+    assert words in str(caught.value)
+
+
+class _Pickle:
+    def __reduce__(self) -> tuple[object, ...]:
+        return (open, ("/tmp/mpe-unpickled", "w"))
+
+
+def test_pickles_are_never_loaded(tmp_path: Path) -> None:
+    array = np.array([_Pickle()], dtype=object)
+    for content in (npy(array), npz(points=array), pickle.dumps(_Pickle())):
+        assert isinstance(decode_frugally(tmp_path, content), CloudFileError)
+    assert isinstance(decode_frugally(tmp_path, npy(array)), UnsupportedFileError)
+    assert not Path("/tmp/mpe-unpickled").exists()
+
+
+def test_bombs_are_refused_before_they_expand(tmp_path: Path) -> None:
+    zeros = npy(np.zeros((3_000_000, 3)))
+    bomb = zip_of("points.npy", zeros)
+    assert len(bomb) < len(zeros) / 500
+    found = decode_frugally(tmp_path, bomb)
+    assert isinstance(found, FileLimitError)
+    lying = bytearray(bomb)
+    size = struct.pack("<I", len(zeros))
+    for at in (bomb.find(size), bomb.rfind(size)):
+        lying[at : at + 4] = struct.pack("<I", 1000)
+    assert isinstance(decode_frugally(tmp_path, bytes(lying)), CloudFileError)

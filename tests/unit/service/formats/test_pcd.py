@@ -1,0 +1,34 @@
+"""PCD files, their viewpoint and their damage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from service.formats import MalformedFileError
+from tests.factories.cloud_files import pcd
+from tests.factories.decoding import decode
+
+
+def test_pcd_viewpoint(tmp_path: Path) -> None:
+    assert decode(tmp_path, pcd()).viewpoint == (1, 2, 3, 1, 0, 0, 0)
+
+
+def test_trailing_bytes_are_reported(tmp_path: Path) -> None:
+    assert "bytes after" in decode(tmp_path, pcd() + b"more").warnings[0]
+
+
+UNCLEAR = {
+    "PCD without x": (pcd().replace(b"_ x y", b"_ w y"), "FIELDS"),
+    "PCD counts disagree": (pcd().replace(b"WIDTH 20", b"WIDTH 21"), "WIDTH x HEIGHT is 42"),
+    "PCD types and sizes disagree": (pcd().replace(b"SIZE 4 ", b"SIZE "), "differ: 8, 7"),
+}
+
+
+@pytest.mark.parametrize("case", UNCLEAR)
+def test_what_is_not_clear_is_an_error_that_names_the_place(tmp_path: Path, case: str) -> None:
+    content, words = UNCLEAR[case]
+    with pytest.raises(MalformedFileError) as caught:
+        decode(tmp_path, content)
+    assert words in str(caught.value)

@@ -1,0 +1,40 @@
+"""PLY files, also with lists and damage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from service.formats import MalformedFileError, TruncatedFileError
+from tests.factories.cloud_files import ply
+from tests.factories.decoding import decode, decode_frugally
+
+
+def test_trailing_bytes_are_reported(tmp_path: Path) -> None:
+    assert "bytes after" in decode(tmp_path, ply() + b"more").warnings[0]
+
+
+UNCLEAR = {
+    "two vertex elements": (
+        ply().replace(b"obj_info made by hand", b"element vertex 40"),
+        "'vertex'",
+    ),
+    "no z": (ply().replace(b"float z", b"float w"), "'z'"),
+    "unknown PLY keyword": (ply().replace(b"obj_info", b"objinfo"), "line 4: 'objinfo"),
+    "a property twice": (ply().replace(b"float y", b"float x"), "line 7"),
+}
+
+
+@pytest.mark.parametrize("case", UNCLEAR)
+def test_what_is_not_clear_is_an_error_that_names_the_place(tmp_path: Path, case: str) -> None:
+    content, words = UNCLEAR[case]
+    with pytest.raises(MalformedFileError) as caught:
+        decode(tmp_path, content)
+    assert words in str(caught.value)
+
+
+def test_a_cut_names_the_byte(tmp_path: Path) -> None:
+    found = decode_frugally(tmp_path, ply(lists="inside")[:-1])
+    assert isinstance(found, TruncatedFileError)
+    assert "39 of 40 rows" in str(found)
