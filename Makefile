@@ -47,19 +47,20 @@ check: setup  ## formatting, lint, types, import rules, licences, known vulnerab
 	.venv/bin/ruff check .
 	.venv/bin/mypy
 	.venv/bin/lint-imports
+	$(PY) -m tools.structure
 	$(PY) -m tools.check_supply
 
 format: setup  ## put the formatting right
 	.venv/bin/ruff format .
 	.venv/bin/ruff check --fix .
 
-openapi: setup  ## write openapi.yaml and the tables of README.md from the app
+openapi: setup  ## write openapi.yaml and docs/reference from the code
 	$(PY) -m tools.print_openapi > .openapi.yaml && mv .openapi.yaml openapi.yaml
-	$(PY) -m tools.readme_tables
+	$(PY) -m tools.reference_pages
 
 lock: setup  ## resolve the lock files again from pyproject.toml
 	.venv/bin/uv pip compile pyproject.toml --extra service --extra postgres --extra s3 $(LOCK_OPTIONS) -o requirements.lock
-	.venv/bin/uv pip compile pyproject.toml --extra service --extra demo --extra dev --extra bench --extra telemetry --extra s3 --extra postgres $(LOCK_OPTIONS) -o requirements-dev.lock
+	.venv/bin/uv pip compile pyproject.toml --all-extras $(LOCK_OPTIONS) -o requirements-dev.lock
 LOCK_OPTIONS := --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 
 bench: setup  ## speed and accuracy beside the peers, what is not there yet (20 minutes)

@@ -1,0 +1,113 @@
+"""Write docs/reference from the code: settings, options, result fields, problems, formats.
+
+A test asserts that the pages are current.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+from pydantic_settings import BaseSettings
+
+import service.app  # noqa: F401 - imports every module that defines problem types
+from service.formats import FORMATS
+from service.problems import all_problem_types
+from service.schemas import Result
+from service.schemas.options import Options
+from service.settings import Settings
+
+REFERENCE = Path(__file__).parent.parent / "docs" / "reference"
+NOTICE = "<!-- Written by `python -m tools.reference_pages`; edit the code instead. -->\n"
+
+SETTINGS_TEXT = """\
+Environment variables of the service, checked at the start.
+"""
+OPTIONS_TEXT = """\
+Options of a registration, the same over HTTP (`options`), in the library (`RegistrationOptions`)
+and in `mpe align` (`--name-with-hyphens`). Lengths are in the unit of the input.
+"""
+RESULT_TEXT = """\
+Fields of `result` in a registration that has succeeded. Lengths are in the unit of the files.
+"""
+PROBLEMS_TEXT = """\
+Every error is `application/problem+json` (RFC 9457). `type` is `urn:mpe:problem:` and one of these
+names. Other statuses of HTTP itself (404, 405, ...) are named by their phrase: `not-found`.
+"""
+FORMATS_TEXT = """\
+The content of a file decides its format, not its name. `GET /v1/formats` lists the same.
+"""
+
+
+def render_pages() -> dict[str, str]:
+    """Return the text of each page by its file name."""
+    return {
+        "settings.md": _page(
+            "Settings", SETTINGS_TEXT, ("variable", "default", "meaning"), _settings(Settings)
+        ),
+        "options.md": _page("Options", OPTIONS_TEXT, ("option", "default", "meaning"), _options()),
+        "result.md": _page("Result", RESULT_TEXT, ("field", "meaning"), _result_fields(Result)),
+        "problems.md": _page("Problems", PROBLEMS_TEXT, ("name", "status", "meaning"), _problems()),
+        "formats.md": _page(
+            "Formats", FORMATS_TEXT, ("format", "usual extensions", "what is read"), _formats()
+        ),
+    }
+
+
+def _settings(group: type[BaseSettings]) -> Iterator[tuple[str, ...]]:
+    """Rows of the settings; a field that holds a group gives the rows of that group."""
+    for name, field in group.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseSettings):
+            yield from _settings(kind)
+        else:
+            variable = f"{group.model_config['env_prefix']}{name}".upper()
+            yield f"`{variable}`", _default(field.default), field.description or ""
+
+
+def _options() -> Iterator[tuple[str, ...]]:
+    for name, field in Options.model_fields.items():
+        yield f"`{name}`", _default(field.default), field.description or ""
+
+
+def _result_fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ...]]:
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            yield from _result_fields(kind, f"{prefix}{name}.")
+        else:
+            yield f"`{prefix}{name}`", field.description or ""
+
+
+def _problems() -> Iterator[tuple[str, ...]]:
+    for kind in sorted(all_problem_types(), key=lambda kind: (kind.status, kind.slug)):
+        yield f"`{kind.slug}`", str(kind.status), kind.title
+
+
+def _formats() -> Iterator[tuple[str, ...]]:
+    for item in FORMATS:
+        yield f"`{item.name}`", ", ".join(item.extensions), item.title
+
+
+def _default(value: Any) -> str:
+    if value is PydanticUndefined or value == ():
+        return ""
+    return f"`{value}`" if value is not None else "none"
+
+
+def _page(title: str, text: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    cells = [head, ("---",) * len(head), *rows]
+    table = "".join(f"| {' | '.join(_escape(cell) for cell in row)} |\n" for row in cells)
+    return f"{NOTICE}\n# {title}\n\n{text}\n{table}"
+
+
+def _escape(cell: str) -> str:
+    return cell.replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    for file_name, page in render_pages().items():
+        (REFERENCE / file_name).write_text(page)
