@@ -29,7 +29,7 @@ from service.auth.keys import DEFAULT_TENANT
 from service.clouds.inputs import CloudInput
 from service.formats import read_points
 from service.jobs.model import JobRow
-from service.runtime import running_service
+from service.runtime import open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
 from tests.factories.processes import workers
@@ -202,18 +202,17 @@ def _without_http(source: bytes, target: bytes) -> float:
 
 
 async def _by_store(directory: Path, source: bytes, target: bytes) -> float:
-    with running_service(Settings(data_dir=directory), Metrics()) as service:
+    with open_runtime(Settings(data_dir=directory), Metrics()) as service:
         clouds = [
             CloudInput(blob.sha256, blob.size)
             for blob in map(service.blobs.put, ([source], [target]))
         ]
-        while not service.queue.is_ready:
+        while not service.workers.is_ready:
             await asyncio.sleep(0.05)
         started = time.perf_counter()
         for seed in range(JOBS_WITHOUT_HTTP):
-            service.store.add(_job(*clouds, seed=seed))
-            service.queue.notify()
-        while service.store.count("succeeded") < JOBS_WITHOUT_HTTP:
+            service.submit(_job(*clouds, seed=seed))
+        while service.jobs.count("succeeded") < JOBS_WITHOUT_HTTP:
             await asyncio.sleep(0.05)
         return JOBS_WITHOUT_HTTP / (time.perf_counter() - started)
 

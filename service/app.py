@@ -24,7 +24,7 @@ from service.api.routes import (
     registrations,
     uploads,
 )
-from service.runtime import running_service
+from service.runtime import open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
 
@@ -36,7 +36,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        with running_service(settings, metrics) as app.state.service:
+        with open_runtime(settings, metrics) as app.state.service:
             yield
 
     app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)

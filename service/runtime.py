@@ -1,4 +1,4 @@
-"""The parts of a service, put together and taken apart."""
+"""The parts of a running service: opened, wired together, and closed in the reverse order."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import fcntl
 import logging
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,11 +17,12 @@ from service.auth.rate_limit import RateLimiter
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database, open_database
-from service.jobs.idempotency import InFlightKeys
-from service.jobs.model import Retention
+from service.jobs.idempotency import Idempotency, InFlightKeys
+from service.jobs.model import JobRow, Retention
 from service.jobs.notifier import JobNotifier
-from service.jobs.retention import drop_expired, needed_blobs, referable_blobs
-from service.jobs.store import JobStore
+from service.jobs.queries import JobQueries
+from service.jobs.retention import drop_expired, find_cloud_blobs, find_needed_blobs
+from service.jobs.transitions import JobTransitions
 from service.outbound import prune_http_cache
 from service.settings import Settings
 from service.storage.blobs import BlobStore
@@ -40,105 +41,136 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Runtime:
-    """What the routes work with."""
+    """The parts of a running service that the API calls."""
 
     settings: Settings
     database: Database
     blobs: BlobStore
-    store: JobStore
-    queue: WorkerPool
-    changes: JobNotifier
-    deliveries: Outbox
+    jobs: JobQueries
+    transitions: JobTransitions
+    notifier: JobNotifier
+    workers: WorkerPool
     clouds: CloudStore
     uploads: UploadStore
+    outbox: Outbox
     telemetry: Telemetry
-    gate: Authenticator
-    shares: StorageQuota
-    rate_limit: RateLimiter = field(default_factory=RateLimiter)
-    keys_in_flight: InFlightKeys = field(default_factory=InFlightKeys)
+    authenticator: Authenticator
+    storage_quota: StorageQuota
+    rate_limiter: RateLimiter = field(default_factory=RateLimiter)
+    in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
+
+    def submit(
+        self,
+        job: JobRow,
+        idempotency: Idempotency | None = None,
+        *,
+        tenant_queue_limit: int | None = None,
+    ) -> JobRow:
+        """Accept a job and wake a worker; see `service.jobs.accept.accept_job`."""
+        accepted = self.transitions.add(job, idempotency, tenant_queue_limit=tenant_queue_limit)
+        self.workers.notify()
+        return accepted
+
+    def cancel(self, job_id: str) -> bool:
+        """Cancel a job and kill its process; return False when it has ended or is unknown."""
+        is_cancelled = self.transitions.cancel(job_id)
+        if is_cancelled:
+            self.workers.kill(job_id)
+        return is_cancelled
+
+    def drain(self, grace_s: float) -> None:
+        """Begin no more jobs, requeue those that run after the grace, and wake all who wait."""
+        self.workers.stop(grace_s)
+        self.notifier.wake_all()
 
 
 @contextmanager
-def running_service(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
-    """Hold the data directory, open its store, work on its queue; stop in the reverse order."""
-    with _owned(settings.data_dir, shared=settings.database_url is not None):
-        service = _assemble(settings, metrics)
-        service.blobs.discard_incoming()
-        webhooks = WebhookSender(service.store, service.deliveries, settings)
-        maintenance = Maintenance(_maintenance_tasks(service), settings.upkeep_interval_s)
-        for part in (service.queue, maintenance, webhooks):
+def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
+    """Run a service: hold its data directory, open its parts, start its threads.
+
+    Raises
+    ------
+    RuntimeError
+        Another service uses the data directory, or a later release has written the database.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(
+            _lock_data_dir(settings.data_dir, shared=settings.database_url is not None)
+        )
+        blobs = BlobStore(settings.data_dir)
+        blobs.discard_incoming()
+        database = stack.enter_context(closing(open_database(settings.store_url)))
+        tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
+        telemetry = stack.enter_context(closing(Telemetry(metrics, tracing)))
+        notifier = JobNotifier()
+        jobs = JobQueries(database)
+        metrics.watch(jobs)
+        transitions = JobTransitions(
+            database,
+            queue_limit=settings.queue_limit,
+            retention=Retention(settings.result_retention_s, settings.job_retention_s),
+            listeners=(telemetry, notifier),
+        )
+        runtime = Runtime(
+            settings=settings,
+            database=database,
+            blobs=blobs,
+            jobs=jobs,
+            transitions=transitions,
+            notifier=notifier,
+            workers=WorkerPool(transitions, blobs, settings),
+            clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
+            uploads=UploadStore(
+                database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
+            ),
+            outbox=Outbox(database),
+            telemetry=telemetry,
+            authenticator=Authenticator(KeyStore(database), settings),
+            storage_quota=StorageQuota(database),
+        )
+        for part in (
+            runtime.workers,
+            Maintenance(_maintenance_tasks(runtime), settings.upkeep_interval_s),
+            WebhookSender(jobs, runtime.outbox, settings),
+        ):
             part.start()
-        try:
-            yield service
-        finally:
-            webhooks.stop()
-            maintenance.stop()
-            service.queue.stop(grace_s=0)
-            service.telemetry.close()
-            service.database.close()
+            stack.callback(part.stop)
+        yield runtime
 
 
-def _assemble(settings: Settings, metrics: Metrics) -> Runtime:
-    blobs = BlobStore(settings.data_dir)
-    database = open_database(settings)
-    retention = Retention(result_s=settings.result_retention_s, job_s=settings.job_retention_s)
-    store = JobStore(database, queue_limit=settings.queue_limit, retention=retention)
-    changes = JobNotifier()
-    tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
-    telemetry = Telemetry(metrics, tracing)
-    metrics.watch(store)
-    return Runtime(
-        settings=settings,
-        database=database,
-        blobs=blobs,
-        store=store,
-        queue=WorkerPool(store, blobs, settings, changes.announce, telemetry.ended),
-        changes=changes,
-        deliveries=Outbox(database),
-        clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
-        uploads=UploadStore(
-            database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
-        ),
-        telemetry=telemetry,
-        gate=Authenticator(KeyStore(database), settings),
-        shares=StorageQuota(database),
-    )
-
-
-def _maintenance_tasks(service: Runtime) -> list[Task]:
-    """Return what is done from time to time, in its order: what has expired keeps no file."""
-    settings, database = service.settings, service.database
-    prepared = DecodedCache(settings.data_dir / "prepared")
-
-    def expire_leases() -> None:
-        service.store.lose_all("its lease ended", lease_before=time.time())
-
-    def fail_overdue() -> None:
-        for job_id in service.store.miss_deadlines():
-            service.changes.announce(job_id)
+def _maintenance_tasks(runtime: Runtime) -> list[Task]:
+    """Return the tasks in their order: rows expire before the files that only they need."""
+    settings, database = runtime.settings, runtime.database
+    decoded = DecodedCache(settings.data_dir / "prepared")
 
     def collect_blobs() -> None:
-        removed = service.blobs.collect(
-            lambda: needed_blobs(database), now=time.time(), grace_s=settings.blob_grace_s
+        removed = runtime.blobs.collect(
+            lambda: find_needed_blobs(database), now=time.time(), grace_s=settings.blob_grace_s
         )
         if removed:
             log.info("removed %d unused files", removed)
 
     return [
-        expire_leases,
-        fail_overdue,
-        lambda: discard_scratch(settings.data_dir, service.store.running),
+        runtime.transitions.expire_leases,
+        runtime.transitions.fail_overdue,
+        lambda: discard_scratch(settings.data_dir, runtime.transitions.running),
         lambda: drop_expired(database),
-        service.uploads.drop_expired,
+        runtime.uploads.drop_expired,
         collect_blobs,
-        lambda: prepared.collect(referable_blobs(database)),
-        lambda: prune_http_cache(settings.data_dir, service.blobs),
+        lambda: decoded.collect(find_cloud_blobs(database)),
+        lambda: prune_http_cache(settings.data_dir, runtime.blobs),
     ]
 
 
 @contextmanager
-def _owned(data_dir: Path, *, shared: bool) -> Iterator[None]:
-    """Hold the directory, alone or with others who share it; RuntimeError when that cannot be."""
+def _lock_data_dir(data_dir: Path, *, shared: bool) -> Iterator[None]:
+    """Hold the directory, alone or beside other services that share the database.
+
+    Raises
+    ------
+    RuntimeError
+        Another service holds it.
+    """
     data_dir.mkdir(parents=True, exist_ok=True)
     with (data_dir / "lock").open("w") as lock:
         try:

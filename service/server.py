@@ -44,8 +44,7 @@ class DrainingServer(uvicorn.Server):
     def _drain(self, sig: int, frame: FrameType | None) -> None:
         service: Runtime | None = getattr(self._app.state, "service", None)
         if service is not None:
-            service.queue.stop(service.settings.shutdown_grace_s)
-            service.changes.announce_stop()
+            service.drain(service.settings.shutdown_grace_s)
         super().handle_exit(sig, frame)
 
 

@@ -30,7 +30,7 @@ async def reserve_body_bytes(
     try:
         yield
     finally:
-        service.shares.release(caller, size)
+        service.storage_quota.release(caller, size)
 
 
 def admit(service: Runtime, caller: Caller, size: int) -> None:
@@ -40,18 +40,18 @@ def admit(service: Runtime, caller: Caller, size: int) -> None:
     come to nothing.
     """
     settings = service.settings
-    if service.queue.is_stopping:
+    if service.workers.is_stopping:
         raise NotReadyError("The service is stopping; retry later.")
-    check_queue_limit(service.store.count("queued"), settings.queue_limit)
+    check_queue_limit(service.jobs.count("queued"), settings.queue_limit)
     if caller.limits.queue_limit is not None:
         check_tenant_queue_limit(
-            service.store.count("queued", caller.tenant), caller.limits.queue_limit
+            service.jobs.count("queued", caller.tenant), caller.limits.queue_limit
         )
     if shutil.disk_usage(settings.data_dir).free < settings.min_free_disk_bytes:
         raise _overloaded("disk")
     if psutil.virtual_memory().available < settings.min_free_memory_bytes:
         raise _overloaded("memory")
-    service.shares.reserve(caller, size)
+    service.storage_quota.reserve(caller, size)
 
 
 def _overloaded(resource: str) -> OverloadedError:

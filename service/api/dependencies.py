@@ -46,13 +46,13 @@ async def identify(
     Without a key: whoever is not a page of another site.
     """
     given = request.headers.getlist("authorization")
-    caller = service.gate.remembered(given)
+    caller = service.authenticator.remembered(given)
     if caller is None:
-        caller = await run_in_threadpool(service.gate.identified, given)
+        caller = await run_in_threadpool(service.authenticator.identified, given)
     if caller.key_id is None:
         check_origin(request, service.settings)
     request.scope["caller"] = caller
-    service.rate_limit.count(caller)
+    service.rate_limiter.count(caller)
     return caller
 
 
@@ -89,7 +89,7 @@ async def _idempotency_key(
         ),
     ] = None,
 ) -> AsyncIterator[str | None]:
-    with service.keys_in_flight.hold(caller.tenant, idempotency_key):
+    with service.in_flight_keys.lock(caller.tenant, idempotency_key):
         yield idempotency_key
 
 
@@ -133,7 +133,7 @@ def _known_job(
     caller: CurrentCaller,
     job_id: Annotated[str, Path(description="Id of the registration.")],
 ) -> JobRow:
-    return known(service.store.find(caller.tenant, job_id))
+    return known(service.jobs.get(caller.tenant, job_id))
 
 
 KnownJob = Annotated[JobRow, Depends(_known_job)]

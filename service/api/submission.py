@@ -14,7 +14,7 @@ from service.api.body import Fields, read_multipart, read_text
 from service.api.error_handlers import invalid_request
 from service.clouds.inputs import CloudInput
 from service.clouds.store import detect_format
-from service.jobs.fingerprint import fingerprint
+from service.jobs.fingerprint import hash_json
 from service.outbound import FetchRules, check_callback, check_source
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.runtime import Runtime
@@ -37,7 +37,7 @@ class Submission:
         said = self.parameters.model_dump(
             mode="json", include=set(RegistrationParameters.model_fields)
         )
-        return fingerprint([asdict(self.source), asdict(self.target), said])
+        return hash_json([asdict(self.source), asdict(self.target), said])
 
 
 async def read_submission(request: Request, service: Runtime, tenant: str) -> Submission:

@@ -19,7 +19,7 @@ def check_binding(host: str, settings: Settings) -> None:
     if settings.allow_open or settings.require_keys or is_loopback(host):
         return
     settings.data_dir.mkdir(parents=True, exist_ok=True)
-    database = open_database(settings)
+    database = open_database(settings.store_url)
     try:
         closed = KeyStore(database).exist()
     finally:

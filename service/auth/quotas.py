@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from service.auth.authenticator import Caller
 from service.database.engine import Database
-from service.jobs.retention import stored_bytes
+from service.jobs.usage import count_stored_bytes
 from service.problems import QuotaExceededError
 
 REMEMBERED_S = 1.0
@@ -43,7 +43,7 @@ class StorageQuota:
             count = self._counts.get(tenant)
             if count is not None and started < count.until:
                 return count.bytes + self._arriving[tenant]
-        counted = stored_bytes(self._database, tenant)
+        counted = count_stored_bytes(self._database, tenant)
         now = time.monotonic()
         until = now + max(REMEMBERED_S, (now - started) / COUNTING_SHARE)
         with self._deciding:

@@ -56,7 +56,7 @@ def _revoke(keys: KeyStore, key_id: str) -> None:
 def _keys() -> Iterator[KeyStore]:
     settings = Settings()
     settings.data_dir.mkdir(parents=True, exist_ok=True)
-    database = open_database(settings)
+    database = open_database(settings.store_url)
     try:
         yield KeyStore(database)
     finally:

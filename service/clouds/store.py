@@ -59,7 +59,7 @@ class CloudStore:
             created_at=now,
             expires_at=now + self._retention_s,
         )
-        with self._database.write(alone=True) as connection:
+        with self._database.write(exclusive=True) as connection:
             connection.execute(delete(clouds).where(_named(tenant, cloud_id)))
             connection.execute(insert(clouds).values(**asdict(cloud)))
         return cloud

@@ -1,4 +1,4 @@
-"""Bringing the job store to the schema of this release; the steps are in service/migrations."""
+"""Migration of the database to the schema of this release, by Alembic."""
 
 from __future__ import annotations
 
@@ -12,26 +12,30 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Integer, column, inspect, select, table, text
 
 STEPS = Path(__file__).parent / "migrations"
+"""Folder of the Alembic scripts, one file a version."""
 
 log = logging.getLogger(__name__)
 
 
 def migrate(connection: Connection, *, to: str = "head", steps: Path = STEPS) -> None:
-    """Bring the store to a version, within the caller's transaction.
+    """Migrate the database to a version, within the caller's transaction.
 
-    RuntimeError when a later release has written it.
+    Raises
+    ------
+    RuntimeError
+        A later release has written it.
     """
     config = Config(attributes={"connection": connection})
     config.set_main_option("script_location", str(steps).replace("%", "%%"))
-    _number(connection, config)
-    found = _version(connection)
+    _adopt_schema_version(connection, config)
+    found = _current_version(connection)
     _check_version(found, ScriptDirectory.from_config(config))
     command.upgrade(config, to)
-    if found != (reached := _version(connection)):
-        log.info("the job store was brought from version %s to %s", found or "0", reached)
+    if found != (reached := _current_version(connection)):
+        log.info("the job store was migrated from version %s to %s", found or "0", reached)
 
 
-def _version(connection: Connection) -> str | None:
+def _current_version(connection: Connection) -> str | None:
     return MigrationContext.configure(connection).get_current_revision()
 
 
@@ -43,8 +47,8 @@ def _check_version(found: str | None, known: ScriptDirectory) -> None:
         )
 
 
-def _number(connection: Connection, config: Config) -> None:
-    """A store from before Alembic counted its versions in a table of its own; the last was 1."""
+def _adopt_schema_version(connection: Connection, config: Config) -> None:
+    """Replace the version table of releases that did not use Alembic yet; their last was 1."""
     if inspect(connection).has_table("schema_version"):
         counted = table("schema_version", column("version", Integer))
         command.stamp(config, str(connection.scalar(select(counted.c.version))))

@@ -1,4 +1,7 @@
-"""The tables of the job store as they are now; service/migrations brings older ones up to date."""
+"""The tables of this release; `service.database.migrations` brings older databases up to date.
+
+The migrations repeat the columns, because they must not change with this module.
+"""
 
 from __future__ import annotations
 

@@ -1,27 +1,21 @@
-"""Accepting a job: said twice, known already, or one too many?"""
+"""Acceptance of a job: is it a replay, is its result known, is there room in the queue?"""
 
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 from sqlalchemy import Connection, and_, insert, select
 
 from service.database.tables import idempotency_keys, jobs
+from service.jobs.events import record_change, record_end
+from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobRow, Retention
-from service.jobs.rows import count_jobs, find_job, record_change, record_end
+from service.jobs.rows import count_jobs, find_job
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
 
-@dataclass(frozen=True, slots=True)
-class Idempotency:
-    """The caller's key, and the hash of what was asked for under it."""
-
-    key: str
-    fingerprint: str
-
-
-def accept(
+def accept_job(
     connection: Connection,
     job: JobRow,
     idempotency: Idempotency | None,
@@ -30,18 +24,33 @@ def accept(
     tenant_queue_limit: int | None,
     retention: Retention,
 ) -> JobRow:
-    """Insert the job, or find the one that it repeats; see JobStore.add."""
+    """Insert a job, within an exclusive transaction of the caller.
+
+    Returns
+    -------
+    JobRow
+        The job; already succeeded when the result of the same work is kept. Under an idempotency
+        key that was used before: the job that was accepted then.
+
+    Raises
+    ------
+    IdempotencyMismatchError
+        The key was used for another request.
+    QueueFullError
+        `queue_limit` jobs are queued.
+    QuotaExceededError
+        `tenant_queue_limit` jobs of the tenant are queued.
+    """
     if idempotency is not None:
-        former = _replayed(connection, job.tenant, idempotency)
-        if former is not None:
-            return former
-    job = _with_known_result(connection, job, retention)
+        earlier = _find_replayed(connection, job.tenant, idempotency)
+        if earlier is not None:
+            return earlier
+    job = _reuse_result(connection, job, retention)
     if job.status == "queued":
         check_queue_limit(count_jobs(connection, "queued"), queue_limit)
         if tenant_queue_limit is not None:
-            check_tenant_queue_limit(
-                count_jobs(connection, "queued", job.tenant), tenant_queue_limit
-            )
+            queued = count_jobs(connection, "queued", job.tenant)
+            check_tenant_queue_limit(queued, tenant_queue_limit)
     connection.execute(insert(jobs), asdict(job))
     record = record_end if job.status == "succeeded" else record_change
     record(connection, job.id)
@@ -51,51 +60,65 @@ def accept(
     return job
 
 
-def check_queue_limit(waiting: int, limit: int) -> None:
-    """QueueFullError when as many jobs wait as may wait."""
-    if waiting >= limit:
+def check_queue_limit(queued: int, limit: int) -> None:
+    """Check that one more job may be queued.
+
+    Raises
+    ------
+    QueueFullError
+        `limit` jobs are queued.
+    """
+    if queued >= limit:
         raise QueueFullError(
-            f"The queue is full: {waiting} registrations are waiting (limit {limit}). Retry later.",
-            members={"queued": waiting},
+            f"The queue is full: {queued} registrations are waiting (limit {limit}). Retry later.",
+            members={"queued": queued},
         )
 
 
-def check_tenant_queue_limit(waiting: int, limit: int) -> None:
-    """QuotaExceededError when as many jobs of a tenant wait as may wait."""
-    if waiting >= limit:
+def check_tenant_queue_limit(queued: int, limit: int) -> None:
+    """Check that one more job of a tenant may be queued.
+
+    Raises
+    ------
+    QuotaExceededError
+        `limit` jobs of the tenant are queued.
+    """
+    if queued >= limit:
         raise QuotaExceededError(
-            f"Queue quota exceeded: {waiting} of your registrations are waiting (limit {limit}). "
+            f"Queue quota exceeded: {queued} of your registrations are waiting (limit {limit}). "
             "Retry later.",
             retry_after_s=QueueFullError.retry_after_s,
-            members={"limit": "queue_limit", "used": waiting, "allowed": limit},
+            members={"limit": "queue_limit", "used": queued, "allowed": limit},
         )
 
 
-def _replayed(connection: Connection, tenant: str, idempotency: Idempotency) -> JobRow | None:
-    known = and_(idempotency_keys.c.tenant == tenant, idempotency_keys.c.key == idempotency.key)
-    former = connection.execute(select(idempotency_keys).where(known)).one_or_none()
-    if former is None:
+def _find_replayed(connection: Connection, tenant: str, idempotency: Idempotency) -> JobRow | None:
+    is_same_key = and_(
+        idempotency_keys.c.tenant == tenant, idempotency_keys.c.key == idempotency.key
+    )
+    earlier = connection.execute(select(idempotency_keys).where(is_same_key)).one_or_none()
+    if earlier is None:
         return None
-    if former.fingerprint != idempotency.fingerprint:
+    if earlier.fingerprint != idempotency.fingerprint:
         raise IdempotencyMismatchError(
-            "Another request was made under this Idempotency-Key; use a new key."
+            "This Idempotency-Key was used for another request; use a new key."
         )
-    return find_job(connection, former.job_id)
+    return find_job(connection, jobs.c.id == earlier.job_id)
 
 
-def _with_known_result(connection: Connection, job: JobRow, retention: Retention) -> JobRow:
-    """The job, ended with the result of the same work if that is still kept.
+def _reuse_result(connection: Connection, job: JobRow, retention: Retention) -> JobRow:
+    """End the job with the kept result of the same work, if there is one.
 
-    Of its own tenant's work: `cached` must not tell that somebody else had the same clouds.
+    Only results of its own tenant count: `cached` must not tell what other tenants registered.
     """
     now = time.time()
-    known = and_(
+    is_same_work = and_(
         jobs.c.tenant == job.tenant,
         jobs.c.work_key == job.work_key,
         jobs.c.status == "succeeded",
         jobs.c.result_expires_at > now,
     )
-    query = select(jobs).where(known).order_by(jobs.c.finished_at.desc()).limit(1)
+    query = select(jobs).where(is_same_work).order_by(jobs.c.finished_at.desc()).limit(1)
     row = connection.execute(query).one_or_none() if job.work_key else None
     if row is None:
         return job

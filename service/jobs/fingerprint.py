@@ -1,4 +1,4 @@
-"""Which registrations are the same work."""
+"""Hashes that tell whether two requests, or the work of two jobs, are the same."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import Any
 from service.clouds.inputs import CloudInput
 
 
-def work_key(source: CloudInput, target: CloudInput, options: dict[str, Any]) -> str | None:
-    """Hash of the clouds' content, the options and the release; None before both are here."""
+def hash_work(source: CloudInput, target: CloudInput, options: dict[str, Any]) -> str | None:
+    """Hash the clouds' content, the options and the release; None before both clouds are stored."""
     if source.sha256 is None or target.sha256 is None:
         return None
-    return fingerprint(
+    return hash_json(
         [source.sha256, source.reading, target.sha256, target.reading, options, _release()]
     )
 
 
+def hash_json(content: Any) -> str:
+    """Hash a JSON value; the order of keys does not matter."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
 @functools.cache
 def _release() -> str:
-    return version("mpe")  # looked up in a file: 1 ms
-
-
-def fingerprint(content: Any) -> str:
-    """Hash of a JSON value; the order of keys does not matter."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return version("mpe")  # reads a file, which takes 1 ms

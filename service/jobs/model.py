@@ -1,22 +1,38 @@
-"""One row of the job store."""
+"""A registration as the service stores it.
+
+State machine of a job; `service.jobs.transitions` makes every change of it::
+
+    accepted --> queued --claim--> running --succeed--> succeeded
+       |           |  ^               |----fail-------> failed
+       |           |  +---requeue-----|                    ^
+       |           |   (or a lost     +----cancel-----> cancelled
+       |           |    attempt)                           ^
+       |           +--cancel-------------------------------+
+       |           +--deadline passed--> failed
+       +--result of the same work is kept--> succeeded
+
+Each claim begins an attempt and increases `JobRow.attempt`. That number is a fencing token: what a
+worker writes counts only while the job is running and the number is still the worker's. An attempt
+that ends without an answer (a killed process, a lease that ran out) returns the job to the queue;
+the third one fails it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from service.clouds.inputs import CloudInput
 
 JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+JOB_STATUSES: tuple[JobStatus, ...] = get_args(JobStatus)
+TERMINAL_STATUSES: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")
 DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]
 
 
-ENDED: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")
-
-
 def is_terminal(status: JobStatus) -> bool:
-    """Whether nothing will happen to the job any more."""
-    return status in ENDED
+    """Return whether a job of this status never changes again."""
+    return status in TERMINAL_STATUSES
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +44,7 @@ class Outcome:
     inliers_sha256: str
     """Blob: the inlier pairs as .npy."""
     result_bytes: int
-    """Length of the two together."""
+    """Length of both blobs together."""
     confidence: float
     """As in the result, in [0, 1]."""
     source: CloudInput
@@ -40,7 +56,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobRow:
-    """A registration as the store knows it; times in seconds since the epoch, UTC."""
+    """One row of the jobs table; times in seconds since the epoch, UTC."""
 
     id: str
     tenant: str
@@ -50,24 +66,34 @@ class JobRow:
     created_at: float
     status: JobStatus = "queued"
     started_at: float | None = None
+    """Begin of the last attempt."""
     finished_at: float | None = None
     attempt: int = 0
+    """Number of the last attempt, counted from 1; 0 before the first."""
     lost_attempts: int = 0
+    """Attempts that ended without an answer."""
     lease_until: float | None = None
+    """When the running attempt is lost unless its worker extends the lease."""
     stage: str = "queued"
     fraction: float = 0.0
+    """Progress in [0, 1]."""
     timing: dict[str, float] = field(default_factory=dict)
+    """Seconds by stage, keys as in the API."""
     warnings: list[str] = field(default_factory=list)
     error: dict[str, Any] | None = None
+    """Problem document of a failed job."""
     result_sha256: str | None = None
     inliers_sha256: str | None = None
     result_bytes: int | None = None
     confidence: float | None = None
     labels: dict[str, str] = field(default_factory=dict)
     priority: int = 0
+    """The highest is claimed first."""
     deadline_at: float | None = None
     work_key: str | None = None
+    """Hash of clouds, options and release: jobs with equal keys have equal results."""
     cached: bool = False
+    """Whether the result is that of an earlier job."""
     callback_url: str | None = None
     result_expires_at: float | None = None
     expires_at: float | None = None
@@ -75,10 +101,12 @@ class JobRow:
 
 @dataclass(frozen=True, slots=True)
 class JobEvent:
-    """A job as it was after one change of its row."""
+    """State of a job after one change of its row."""
 
     number: int
+    """Counted from 1 for each job."""
     at: float
+    """Seconds since the epoch, UTC."""
     status: JobStatus
     stage: str
     fraction: float
@@ -86,7 +114,9 @@ class JobEvent:
 
 @dataclass(frozen=True, slots=True)
 class Retention:
-    """How long what has ended is kept, in seconds."""
+    """How long a job is kept after its end, in seconds."""
 
     result_s: float
+    """The result, and the clouds that it was computed from."""
     job_s: float
+    """The row of the job."""

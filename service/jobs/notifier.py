@@ -1,47 +1,50 @@
-"""Tells coroutines that a job has changed, from any thread."""
+"""Notification of those who wait for a job: listeners of the store, coroutines of the API."""
 
 from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
+from service.jobs.model import JobRow
 
-class Announce(Protocol):
-    """Tells that a job has changed, or only that it has got further."""
 
-    def __call__(self, job_id: str, *, progress: bool = False) -> None: ...
+class JobListener(Protocol):
+    """Told of each change of a job, once the change can be read; called from any thread."""
+
+    def changed(self, job_id: str) -> None:
+        """React to a change after which the job has not ended."""
+
+    def ended(self, job: JobRow) -> None:
+        """React to the end of a job."""
 
 
 class JobNotifier:
-    """Belongs to the event loop in which it was made."""
+    """A JobListener that wakes coroutines of the event loop in which it was made."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._watchers: dict[tuple[str, bool], set[asyncio.Event]] = defaultdict(set)
 
-    def announce(self, job_id: str, *, progress: bool = False) -> None:
-        """Wake whoever watches the job, for mere progress those who want to know of it; may be
-        called from any thread, once the change can be read.
+    def changed(self, job_id: str) -> None:
+        """Wake those who watch every change of the job."""
+        self._wake_soon([(job_id, False)])
 
-        The loop is not troubled where nobody watches: who begins to later reads the change.
-        """
-        told = [(job_id, True)] if progress else [(job_id, True), (job_id, False)]
-        if not self._loop.is_closed() and any(key in self._watchers for key in told):
-            self._loop.call_soon_threadsafe(self._wake, told)
+    def ended(self, job: JobRow) -> None:
+        """Wake all who watch the job."""
+        self._wake_soon([(job.id, False), (job.id, True)])
 
-    def announce_stop(self) -> None:
-        """Wake all: nothing will change any more; may be called from any thread."""
+    def wake_all(self) -> None:
+        """Wake all watchers of all jobs, because nothing will change any more."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(lambda: self._wake(list(self._watchers)))
 
     @contextmanager
-    def watch(self, job_id: str, *, progress: bool) -> Iterator[asyncio.Event]:
-        """An event that is set at each change while the context lasts, of mere progress if that is
-        wanted."""
-        event, key = asyncio.Event(), (job_id, progress)
+    def watch(self, job_id: str, *, only_end: bool) -> Iterator[asyncio.Event]:
+        """Yield an event that is set at each change of the job, or only at its end."""
+        event, key = asyncio.Event(), (job_id, only_end)
         self._watchers[key].add(event)
         try:
             yield event
@@ -50,7 +53,12 @@ class JobNotifier:
             if not self._watchers[key]:
                 del self._watchers[key]
 
-    def _wake(self, told: list[tuple[str, bool]]) -> None:
-        for key in told:
+    def _wake_soon(self, keys: list[tuple[str, bool]]) -> None:
+        # who begins to watch after this check reads the change itself
+        if not self._loop.is_closed() and any(key in self._watchers for key in keys):
+            self._loop.call_soon_threadsafe(self._wake, keys)
+
+    def _wake(self, keys: Iterable[tuple[str, bool]]) -> None:
+        for key in keys:
             for event in self._watchers.get(key, ()):
                 event.set()

@@ -10,10 +10,9 @@ from prometheus_client import CollectorRegistry, Counter, Histogram, generate_la
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 
-from service.jobs.model import JobRow
-from service.jobs.store import JobStore
+from service.jobs.model import JOB_STATUSES, JobRow
+from service.jobs.queries import JobQueries
 
-STATUSES = ("queued", "running", "succeeded", "failed", "cancelled")
 SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
 SHARES = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1)
 
@@ -74,9 +73,9 @@ class Metrics:
             failed = error.startswith("fetch-") or error == "address-refused"
             self._fetches.labels("failed" if failed else "done").inc()
 
-    def watch(self, store: JobStore) -> None:
+    def watch(self, jobs: JobQueries) -> None:
         """Read the store, and the memory of this process and its workers, at each scrape."""
-        self.registry.register(_State(store))
+        self.registry.register(_State(jobs))
 
     def exposition(self) -> bytes:
         """The text to be scraped."""
@@ -84,15 +83,15 @@ class Metrics:
 
 
 class _State(Collector):
-    def __init__(self, store: JobStore) -> None:
-        self._store = store
+    def __init__(self, jobs: JobQueries) -> None:
+        self._jobs = jobs
 
     def collect(self) -> Iterator[GaugeMetricFamily]:
         jobs = GaugeMetricFamily("mpe_jobs", "Registrations in the store.", labels=["status"])
-        for status in STATUSES:
-            jobs.add_metric([status], self._store.count(status))
+        for status in JOB_STATUSES:
+            jobs.add_metric([status], self._jobs.count(status))
         yield jobs
-        oldest = self._store.waiting_since()
+        oldest = self._jobs.oldest_queued_at()
         age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
         yield GaugeMetricFamily("mpe_queue_age_seconds", "Age of the oldest that waits.", age)
         memory = GaugeMetricFamily(

@@ -1,23 +1,34 @@
-"""Who is told that a job has ended."""
+"""The listener of the jobs that logs, counts and traces those that end."""
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 from service.jobs.model import JobRow
+from service.telemetry.json_logs import job_context
 from service.telemetry.metrics import Metrics
 from service.telemetry.tracing import Tracing
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """Metrics always, spans when they are configured."""
+    """A JobListener; it traces when spans are configured."""
 
     metrics: Metrics
     tracing: Tracing | None
 
+    def changed(self, job_id: str) -> None:
+        """Do nothing: only ends are recorded."""
+
     def ended(self, job: JobRow) -> None:
-        """An attempt has ended the job."""
+        """Record the end of a job, unless no attempt was made at it."""
+        if job.attempt == 0:
+            return
+        with job_context(job.id):
+            log.info("registration %s", job.status, extra={"attempt": job.attempt})
         self.metrics.ended(job)
         if self.tracing is not None:
             self.tracing.ended(job)

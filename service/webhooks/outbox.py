@@ -10,8 +10,8 @@ from sqlalchemy import Row, and_, select, update
 
 from service.database.engine import Database
 from service.database.tables import deliveries, jobs
-from service.jobs.model import ENDED, DeliveryStatus
-from service.jobs.rows import plan_delivery
+from service.jobs.events import plan_delivery
+from service.jobs.model import TERMINAL_STATUSES, DeliveryStatus
 
 SENDING_S = 60.0
 """A try that has not ended within this time is made again: who made it was killed."""
@@ -44,7 +44,7 @@ class Outbox:
 
     def replay(self, job_id: str) -> str | None:
         """Plan the message once more; None when the job has not ended or has no callback."""
-        ended = and_(jobs.c.status.in_(ENDED), jobs.c.callback_url.is_not(None))
+        ended = and_(jobs.c.status.in_(TERMINAL_STATUSES), jobs.c.callback_url.is_not(None))
         with self._database.write() as connection:
             return plan_delivery(connection, select(jobs.c.id).where(jobs.c.id == job_id, ended))
 
@@ -85,13 +85,11 @@ class Outbox:
             connection.execute(record)
 
     def release(self) -> None:
-        """Make what a former process was sending due again: it may not have come through.
-
-        In a database with other users it is due again by itself, after SENDING_S.
-        """
-        if self._database.is_shared:
-            return
-        interrupted = update(deliveries).where(deliveries.c.status == "sending")
+        """Make the deliveries that a killed process was sending due again."""
+        cutoff = self._database.orphan_cutoff()
+        interrupted = update(deliveries).where(
+            deliveries.c.status == "sending", deliveries.c.next_at < cutoff
+        )
         with self._database.write() as connection:
             connection.execute(interrupted.values(status="pending", next_at=time.time()))
 

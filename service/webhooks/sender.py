@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from service.jobs.model import JobRow
-from service.jobs.store import JobStore
+from service.jobs.queries import JobQueries
 from service.outbound import (
     OutboundClient,
     TransferDeadline,
@@ -44,8 +44,8 @@ def sign(secret: bytes, delivery_id: str, timestamp: int, body: bytes) -> str:
 class WebhookSender:
     """Threads that send what is due; nothing is lost when they are killed in the middle."""
 
-    def __init__(self, store: JobStore, deliveries: Outbox, settings: Settings) -> None:
-        self._store = store
+    def __init__(self, jobs: JobQueries, deliveries: Outbox, settings: Settings) -> None:
+        self._jobs = jobs
         self._deliveries = deliveries
         self._settings = settings
         self._door = OutboundClient(callback_rules(settings))
@@ -79,7 +79,7 @@ class WebhookSender:
                 self._stopping.wait(POLL_S)
 
     def _send(self, delivery: Delivery) -> None:
-        job = self._store.get(delivery.job_id)
+        job = self._jobs.get_unscoped(delivery.job_id)
         if job is None:
             return  # removed meanwhile, and its deliveries with it
         tried = self._post(delivery, job)

@@ -6,11 +6,9 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Callable
 
 from service.jobs.model import JobRow
-from service.jobs.notifier import Announce
-from service.jobs.store import JobStore
+from service.jobs.transitions import JobTransitions
 from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage.blobs import BlobStore
@@ -29,17 +27,13 @@ class WorkerPool:
 
     def __init__(
         self,
-        store: JobStore,
+        transitions: JobTransitions,
         blobs: BlobStore,
         settings: Settings,
-        announce: Announce,
-        ended: Callable[[JobRow], None],
     ) -> None:
-        self._store = store
+        self._transitions = transitions
         self._blobs = blobs
         self._settings = settings
-        self._announce = announce
-        self._ended = ended
         self._running: dict[str, tuple[JobRow, Child]] = {}
         self._wake = threading.Semaphore(0)
         self._stopping = threading.Event()
@@ -67,8 +61,8 @@ class WorkerPool:
 
     def start(self) -> None:
         """Take up what a former process left behind, and begin to work."""
-        lost = self._store.recover()
-        discard_scratch(self._settings.data_dir, self._store.running)
+        lost = self._transitions.requeue_orphans()
+        discard_scratch(self._settings.data_dir, self._transitions.running)
         if lost:
             log.warning("%d registrations were interrupted", lost)
         prepare_forkserver(self._settings.threads)
@@ -85,7 +79,7 @@ class WorkerPool:
         if running is not None:
             running[1].kill()
 
-    def stop(self, grace_s: float) -> None:
+    def stop(self, grace_s: float = 0.0) -> None:
         """Begin nothing more; what still runs after the grace is ended and waits again."""
         self._stopping.set()
         for _ in self._threads:
@@ -95,7 +89,7 @@ class WorkerPool:
             thread.join(max(0.0, deadline - time.monotonic()))
         for job, child in list(self._running.values()):
             with contextlib.suppress(NotReadyError):  # its lease ends by itself
-                self._store.hand_back(job)
+                self._transitions.requeue(job)
             child.kill()
         for thread in self._threads:
             thread.join()
@@ -105,9 +99,7 @@ class WorkerPool:
         self._running[job.id] = (job, child)
 
     def _serve(self) -> None:
-        worker = AttemptSupervisor(
-            self._store, self._blobs, self._settings, self._announce, self._remember, self._ended
-        )
+        worker = AttemptSupervisor(self._transitions, self._blobs, self._settings, self._remember)
         while not self._stopping.is_set():
             try:
                 if worker.standby.is_ready():
@@ -119,12 +111,11 @@ class WorkerPool:
         worker.standby.close()
 
     def _work_or_wait(self, worker: AttemptSupervisor) -> None:
-        job = self._store.claim(lease_s=LEASE_S)
+        job = self._transitions.claim(lease_s=LEASE_S)
         if job is None:
             self._wake.acquire(timeout=POLL_S)
             return
         try:
-            self._announce(job.id, progress=True)
             with job_context(job.id):
                 worker.work(job)
         finally:

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from service.clouds.inputs import CloudInput
-from service.jobs.fingerprint import work_key
-from service.jobs.model import JobRow, Outcome, is_terminal
-from service.jobs.notifier import Announce
-from service.jobs.store import JobStore
+from service.jobs.fingerprint import hash_work
+from service.jobs.model import JobRow, Outcome
+from service.jobs.transitions import JobTransitions
 from service.outbound import FetchRules
 from service.problems import (
     DeadlineError,
@@ -45,15 +44,11 @@ log = logging.getLogger(__name__)
 class AttemptSupervisor:
     """Runs attempts, each in a child process; belongs to one thread, which waits meanwhile."""
 
-    store: JobStore
+    transitions: JobTransitions
     blobs: BlobStore
     settings: Settings
-    announce: Announce
-    """Called with the job's id after each change of its row."""
     started: Callable[[JobRow, Child], None]
     """Called with the job and its child, so that a cancel can kill it."""
-    ended: Callable[[JobRow], None]
-    """Called with the job's row when an attempt has ended the job."""
     standby: SpareChild = field(default_factory=SpareChild)
 
     def work(self, job: JobRow) -> None:
@@ -63,18 +58,10 @@ class AttemptSupervisor:
         try:
             self._attempt(job, scratch)
         except ChildLostError as lost:
-            if self.store.lose(job, str(lost)):
+            if self.transitions.record_lost_attempt(job, str(lost)):
                 log.warning("attempt %d was lost: %s", job.attempt, lost)
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
-            self.announce(job.id)
-        self._tell_of_end(job)
-
-    def _tell_of_end(self, job: JobRow) -> None:
-        row = self.store.get(job.id)
-        if row is not None and row.attempt == job.attempt and is_terminal(row.status):
-            log.info("registration %s", row.status, extra={"attempt": row.attempt})
-            self.ended(row)
 
     def _attempt(self, job: JobRow, scratch: Path) -> None:
         bound = self._bound(job)
@@ -110,46 +97,45 @@ class AttemptSupervisor:
         while mine:
             now = time.time()
             if now >= bound.at:
-                self.store.fail(job, error_document(bound.error), {})
+                self.transitions.fail(job, error_document(bound.error), {})
                 return None
             message = child.receive(min(bound.at - now, LOOK_S))
             if message is not None and "stage" not in message:
                 return message
             with contextlib.suppress(NotReadyError):  # the lease lasts while the store is away
                 if now >= beat:
-                    mine = self.store.heartbeat(job, lease_s=LEASE_S)
+                    mine = self.transitions.extend_lease(job, lease_s=LEASE_S)
                     beat = now + HEARTBEAT_S
                 mine = mine and self._is_mine(job, message)
             if message is not None:
-                self.announce(job.id, progress=True)
                 self.standby.begin()  # for the next task, while this one runs
         return None
 
     def _is_mine(self, job: JobRow, message: dict[str, Any] | None) -> bool:
         """Record how far the child is, if it said so; False when the job has been taken away."""
         if message is None:
-            return self.store.holds(job)
-        return self.store.progress(job, message["stage"], message["fraction"])
+            return self.transitions.is_current(job)
+        return self.transitions.record_progress(job, message["stage"], message["fraction"])
 
     def _record_fetched(self, job: JobRow, answer: dict[str, Any]) -> JobRow | None:
         """The job with its clouds here; None when it is not to be gone on with."""
         if "error" in answer:
-            _insist(lambda: self.store.fail(job, answer["error"], answer["timing"]))
+            _insist(lambda: self.transitions.fail(job, answer["error"], answer["timing"]))
             return None
         source, target = _clouds(answer["fetched"])
         self._keep(source.sha256, target.sha256)
         here = replace(job, source=source, target=target, timing=answer["timing"])
-        return here if _insist(lambda: self.store.fetched(here)) else None
+        return here if _insist(lambda: self.transitions.record_inputs(here)) else None
 
     def _conclude(self, job: JobRow, answer: dict[str, Any]) -> None:
         if "error" in answer:
             timing = job.timing | answer["timing"]
-            _insist(lambda: self.store.fail(job, answer["error"], timing))
+            _insist(lambda: self.transitions.fail(job, answer["error"], timing))
         else:
             outcome = _outcome(answer["outcome"], job.timing)
             self._keep(outcome.result_sha256, outcome.inliers_sha256)
-            key = work_key(outcome.source, outcome.target, job.options)
-            _insist(lambda: self.store.succeed(job, outcome, key))
+            key = hash_work(outcome.source, outcome.target, job.options)
+            _insist(lambda: self.transitions.succeed(job, outcome, key))
 
     def _keep(self, *blobs: str | None) -> None:
         """Spare what the child has stored until the row refers to it."""

@@ -170,7 +170,7 @@ def test_no_callback_tells_the_signature(told: Told, receiver: Receiver) -> None
 
 
 def test_a_signature_is_kept_no_longer_than_it_is_needed(told: Told, server: Server) -> None:
-    database = open_database(Settings(data_dir=server.data_dir))
+    database = open_database(Settings(data_dir=server.data_dir).store_url)
     with database.read() as connection:
         rows = connection.execute(text("SELECT source, target, error FROM jobs")).all()
         keys = connection.execute(text("SELECT * FROM api_keys")).all()

@@ -16,7 +16,7 @@ from tests.factories.server import CALL_S, Server
 @contextmanager
 def keys_of(server: Server) -> Iterator[KeyStore]:
     """The server's keys, while it runs or not."""
-    database = open_database(Settings(data_dir=server.data_dir))
+    database = open_database(Settings(data_dir=server.data_dir).store_url)
     try:
         yield KeyStore(database)
     finally:

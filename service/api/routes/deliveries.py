@@ -19,7 +19,7 @@ router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 )
 def list_deliveries(job: KnownJob, service: CurrentService) -> DeliveryList:
     """Each message with its tries."""
-    return DeliveryList(items=[_document(found) for found in service.deliveries.of_job(job.id)])
+    return DeliveryList(items=[_document(found) for found in service.outbox.of_job(job.id)])
 
 
 @router.post(
@@ -30,7 +30,7 @@ def list_deliveries(job: KnownJob, service: CurrentService) -> DeliveryList:
 )
 def replay(job: KnownJob, service: CurrentService) -> DeliveryList:
     """Plans a new message, due now; answers with all of them."""
-    if service.deliveries.replay(job.id) is None:
+    if service.outbox.replay(job.id) is None:
         raise NoDeliveryError("The registration has not ended, or was given no callback_url.")
     return list_deliveries(job, service)
 

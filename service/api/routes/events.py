@@ -13,8 +13,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import CurrentService, KnownJob
-from service.api.long_poll import poll_interval_s
-from service.jobs.model import JobEvent, is_terminal
+from service.jobs.model import JobEvent, JobRow, is_terminal
 from service.schemas import Event
 from service.schemas.options import EXACT
 
@@ -40,24 +39,24 @@ async def events(
     The stream ends with the registration. The data of an event is an `Event`.
     """
     last = last_event_id
-    with service.changes.watch(job.id, progress=True) as changed:
+    with service.notifier.watch(job.id, only_end=False) as changed:
         while True:
             changed.clear()
-            news = await run_in_threadpool(service.store.events, job.id, after=last)
+            news = await run_in_threadpool(service.jobs.events, job.tenant, job.id, after=last)
             for event in news:
                 last = event.number
                 yield ServerSentEvent(id=str(last), event="progress", data=_data(event))
                 if is_terminal(event.status):
                     return
-            if not news and await run_in_threadpool(_is_over, service, job.id):
+            if not news and await run_in_threadpool(_is_over, service, job):
                 return  # removed, or the service stops: the client comes back with Last-Event-ID
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(changed.wait(), poll_interval_s(service))
+                await asyncio.wait_for(changed.wait(), service.database.poll_interval_s)
 
 
-def _is_over(service: CurrentService, job_id: str) -> bool:
-    job = service.store.get(job_id)
-    return job is None or is_terminal(job.status) or service.queue.is_stopped
+def _is_over(service: CurrentService, job: JobRow) -> bool:
+    now = service.jobs.get(job.tenant, job.id)
+    return now is None or is_terminal(now.status) or service.workers.is_stopped
 
 
 def _data(event: JobEvent) -> Event:

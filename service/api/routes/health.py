@@ -22,9 +22,9 @@ def livez() -> Health:
 @router.get("/readyz", operation_id="getReadiness", summary="Do registrations start at once?")
 def readyz(service: CurrentService) -> Health:
     """200 when the workers are warm and the store answers; 503 also while the service stops."""
-    if not service.queue.is_ready:
+    if not service.workers.is_ready:
         raise NotReadyError("The workers are not ready; retry later.", retry_after_s=1)
-    service.store.count("queued")
+    service.jobs.count("queued")
     return Health()
 
 
@@ -44,13 +44,13 @@ def metrics(service: CurrentService) -> Response:
 def capacity(service: CurrentService, caller: CurrentCaller) -> Capacity:
     """Workers, queue and limits as they are now, and the share of the caller's tenant."""
     settings, limits = service.settings, caller.limits
-    running = service.store.count("running")
+    running = service.jobs.count("running")
     return Capacity(
         workers=settings.workers,
         threads_per_worker=settings.threads,
         running=running,
         free=max(0, settings.workers - running),
-        queued=service.store.count("queued"),
+        queued=service.jobs.count("queued"),
         queue_limit=settings.queue_limit,
         max_body_bytes=settings.max_body_bytes,
         max_wait_s=settings.max_wait_s,
@@ -58,9 +58,9 @@ def capacity(service: CurrentService, caller: CurrentCaller) -> Capacity:
         job_memory_bytes=settings.job_memory_bytes,
         share=Share(
             requests_per_s=limits.requests_per_s,
-            queued=service.store.count("queued", caller.tenant),
+            queued=service.jobs.count("queued", caller.tenant),
             queue_limit=limits.queue_limit,
-            stored_bytes=service.shares.stored(caller.tenant),
+            stored_bytes=service.storage_quota.stored(caller.tenant),
             stored_bytes_limit=limits.stored_bytes,
         ),
     )

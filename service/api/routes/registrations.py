@@ -25,10 +25,10 @@ from service.api.error_handlers import ProblemResponse
 from service.api.long_poll import wait_until_ended
 from service.api.submission import Submission
 from service.database.pagination import CURSOR, decode_cursor, encode_cursor
-from service.jobs.accept import Idempotency
-from service.jobs.fingerprint import work_key
-from service.jobs.listing import Filter
+from service.jobs.fingerprint import hash_work
+from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobRow, JobStatus, is_terminal
+from service.jobs.queries import JobFilter
 from service.runtime import Runtime
 from service.schemas import Job, JobPage, RegistrationRequest
 from service.schemas.serialize_job import document, summary
@@ -83,12 +83,11 @@ async def create(
     """
     idempotency = None if key is None else Idempotency(key, submission.fingerprint())
     job = await run_in_threadpool(
-        service.store.add,
+        service.submit,
         _new_job(submission, caller.tenant),
         idempotency,
         tenant_queue_limit=caller.limits.queue_limit,
     )
-    service.queue.notify()
     if wait_s is not None:
         job = await wait_until_ended(service, caller.tenant, job.id, wait_s) or job
     return await _accepted(job, wait_s, service)
@@ -116,15 +115,14 @@ def list_page(
     created_before: Annotated[Moment | None, Query(description="Only earlier ones.")] = None,
 ) -> JobPage:
     """Jobs without their results; follow `next_cursor` until it is null."""
-    only = Filter(
-        caller.tenant,
+    only = JobFilter(
         status=status,
         label=None if label is None else _split(label),
         created_after=_seconds(created_after),
         created_before=_seconds(created_before),
     )
     before = None if cursor is None else decode_cursor(cursor)
-    jobs = service.store.page(limit=limit + 1, before=before, only=only)
+    jobs = service.jobs.page(caller.tenant, limit=limit + 1, before=before, only=only)
     more = encode_cursor(jobs[limit - 1]) if len(jobs) > limit else None
     return JobPage(items=[summary(job) for job in jobs[:limit]], next_cursor=more)
 
@@ -156,12 +154,10 @@ async def get(
 )
 def delete(job: KnownJob, service: CurrentService) -> Response:
     """Cancels what waits or runs (200 with the job); removes what has ended (204)."""
-    if service.store.cancel(job.id):
-        service.queue.kill(job.id)
-        service.changes.announce(job.id)
-        body = document(known(service.store.get(job.id)), service.blobs)
+    if service.cancel(job.id):
+        body = document(known(service.jobs.get(job.tenant, job.id)), service.blobs)
         return Response(body, media_type="application/json")
-    if not service.store.remove(job.id):
+    if not service.transitions.remove(job.id):
         known(None)
     return Response(status_code=204)
 
@@ -180,7 +176,7 @@ def _new_job(submission: Submission, tenant: str) -> JobRow:
         priority=wanted.priority,
         deadline_at=None if wanted.deadline_s is None else now + wanted.deadline_s,
         callback_url=wanted.callback_url,
-        work_key=work_key(submission.source, submission.target, options),
+        work_key=hash_work(submission.source, submission.target, options),
     )
 
 

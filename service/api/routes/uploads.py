@@ -96,7 +96,7 @@ def create(
     try:
         upload = service.uploads.create(caller.tenant, upload_length, format)
     finally:
-        service.shares.release(caller, upload_length)
+        service.storage_quota.release(caller, upload_length)
     return _answer(201, {"Location": f"{router.prefix}/{upload.id}", **_expiry(upload)})
 
 

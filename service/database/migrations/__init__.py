@@ -1,1 +1,1 @@
-"""The steps that bring a job store to the newest schema, one file a version, run by Alembic."""
+"""Steps to the newest schema, one file a version, run by Alembic; a released step is frozen."""

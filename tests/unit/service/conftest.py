@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+
+from service.database.engine import Database, open_database
 
 
 @pytest.fixture(params=["sqlite", "postgres"])
@@ -13,3 +17,10 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "sqlite":
         return f"sqlite:///{tmp_path / 'jobs.sqlite3'}"
     return str(request.getfixturevalue("postgres").new_database())
+
+
+@pytest.fixture
+def database(url: str) -> Iterator[Database]:
+    """An empty database of this release."""
+    with closing(open_database(url)) as database:
+        yield database

@@ -15,9 +15,9 @@ from mpe_core import RegistrationOptions
 from service.api import long_poll as waiting
 from service.auth.keys import DEFAULT_TENANT
 from service.clouds.inputs import CloudInput
+from service.database.sqlite import SqliteDatabase
 from service.jobs.model import JobRow
-from service.jobs.notifier import JobNotifier
-from service.runtime import Runtime, running_service
+from service.runtime import Runtime, open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
 from tests.factories.clouds import knot
@@ -27,10 +27,10 @@ PATIENCE_S = 240.0
 
 
 def test_the_end_is_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(waiting, "LOOK_S", 10 * PATIENCE_S)
+    monkeypatch.setattr(SqliteDatabase, "poll_interval_s", 10 * PATIENCE_S)
 
     async def wait() -> str:
-        with running_service(Settings(data_dir=tmp_path), Metrics()) as service:
+        with open_runtime(Settings(data_dir=tmp_path), Metrics()) as service:
             job_id = _added(service)
             wait_until_ended = waiting.wait_until_ended(
                 service, DEFAULT_TENANT, job_id, 10 * PATIENCE_S
@@ -55,28 +55,5 @@ def _added(service: Runtime) -> str:
         options={name: getattr(RegistrationOptions(), name) for name in ("method", "seed")},
         created_at=time.time(),
     )
-    service.store.add(job)
-    service.queue.notify()
+    service.submit(job)
     return job.id
-
-
-def test_who_is_woken_by_what() -> None:
-    async def wake() -> None:
-        changes = JobNotifier()
-        with (
-            changes.watch("a", progress=True) as follows,
-            changes.watch("a", progress=False) as waits,
-            changes.watch("b", progress=False) as elsewhere,
-        ):
-            await asyncio.to_thread(changes.announce, "a", progress=True)
-            await asyncio.wait_for(follows.wait(), PATIENCE_S)
-            assert not waits.is_set()
-            follows.clear()
-            await asyncio.to_thread(changes.announce, "a")
-            await asyncio.wait_for(follows.wait(), PATIENCE_S)
-            assert waits.is_set()
-            assert not elsewhere.is_set()
-            await asyncio.to_thread(changes.announce_stop)
-            await asyncio.wait_for(elsewhere.wait(), PATIENCE_S)
-
-    asyncio.run(wake())

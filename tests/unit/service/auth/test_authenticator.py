@@ -22,7 +22,7 @@ def settings(tmp_path: Path) -> Settings:
 
 @pytest.fixture
 def database(settings: Settings) -> Database:
-    return open_database(settings)
+    return open_database(settings.store_url)
 
 
 @pytest.fixture

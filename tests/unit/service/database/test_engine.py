@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,20 +10,14 @@ from service.auth.keys import KeyStore, Limits, split_key
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database
-from service.jobs.listing import Filter
-from service.jobs.retention import drop_expired, needed_blobs, stored_bytes
+from service.database.sqlite import SqliteDatabase
+from service.jobs.queries import JobFilter, JobQueries
+from service.jobs.retention import drop_expired, find_needed_blobs
+from service.jobs.usage import count_stored_bytes
 from service.problems import InvalidRequestError, UnknownCloudError, UnknownUploadError
 from service.storage.blobs import BlobStore
-from tests.unit.service.jobs.test_store import CLOUD, OUTCOME, add, claimed, open_store
 
 XYZ = b"0 0 0\n1 0 0\n0 1 0\n"
-
-
-@pytest.fixture
-def database(url: str) -> Iterator[Database]:
-    opened = Database(url)
-    yield opened
-    opened.close()
 
 
 def test_a_cloud_is_its_tenants_own(database: Database, tmp_path: Path) -> None:
@@ -38,7 +31,7 @@ def test_a_cloud_is_its_tenants_own(database: Database, tmp_path: Path) -> None:
     used = clouds.use("lab", "door")
     assert (used.sha256, used.size) == (cloud.sha256, 2 * len(XYZ))
     assert clouds.get("lab", "door").expires_at > cloud.expires_at
-    assert needed_blobs(database) == {cloud.sha256}
+    assert find_needed_blobs(database) == {cloud.sha256}
     with pytest.raises(UnknownCloudError):
         clouds.get("other", "door")
     clouds.remove("lab", "door")
@@ -50,14 +43,14 @@ def test_a_cloud_expires(database: Database, tmp_path: Path) -> None:
     blobs = BlobStore(tmp_path)
     CloudStore(database, blobs, retention_s=-1).put("lab", "door", blobs.put([XYZ]))
     drop_expired(database)
-    assert needed_blobs(database) == set()
+    assert find_needed_blobs(database) == set()
 
 
 def test_an_upload_may_be_larger_than_32_bits_count(database: Database, tmp_path: Path) -> None:
     uploads = UploadStore(database, tmp_path / "uploads", retention_s=60)
     upload = uploads.create("lab", 2**40)
     assert uploads.get("lab", upload.id) == upload
-    assert stored_bytes(database, "lab") == 2**40
+    assert count_stored_bytes(database, "lab") == 2**40
     uploads.remove(upload)
     with pytest.raises(UnknownUploadError):
         uploads.get("lab", upload.id)
@@ -87,16 +80,6 @@ def test_an_upload_that_expires_under_a_request_is_unknown_and_leaves_nothing(
     assert list((tmp_path / "uploads").iterdir()) == []
 
 
-def test_a_file_counts_once_for_its_tenant(database: Database) -> None:
-    store = open_store(database)
-    add(store), add(store)
-    assert CLOUD.size is not None
-    assert stored_bytes(database, "lab") == CLOUD.size
-    store.succeed(claimed(store), OUTCOME, None)
-    assert stored_bytes(database, "lab") == CLOUD.size + OUTCOME.result_bytes
-    assert stored_bytes(database, "other") == 0
-
-
 def test_a_key_is_found_until_it_is_revoked(database: Database) -> None:
     keys = KeyStore(database)
     assert not keys.exist()
@@ -117,12 +100,11 @@ def test_a_key_is_found_until_it_is_revoked(database: Database) -> None:
 
 
 def test_text_that_postgresql_cannot_hold_is_the_callers_fault(database: Database) -> None:
-    store = open_store(database)
-    if not database.is_shared:
-        assert store.get("a\0b") is None
+    queries = JobQueries(database)
+    if isinstance(database, SqliteDatabase):
+        assert queries.get("lab", "a\0b") is None
         return
     with pytest.raises(InvalidRequestError):
-        store.get("a\0b")
-    only = Filter(tenant="lab", label=("part", "\0"))
+        queries.get("lab", "a\0b")
     with pytest.raises(InvalidRequestError):
-        store.page(limit=9, only=only)
+        queries.page("lab", limit=9, only=JobFilter(label=("part", "\0")))

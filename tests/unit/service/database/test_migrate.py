@@ -24,11 +24,11 @@ from sqlalchemy import (
     text,
 )
 
-from service.database.engine import Database
+from service.database.engine import open_database
 from service.database.migrate import STEPS, migrate
 from service.database.tables import metadata
-from service.jobs.model import Retention
-from service.jobs.store import JobStore
+from service.jobs.queries import JobQueries
+from tests.factories.jobs import claim, open_transitions
 
 NEXT = """
 from alembic import op
@@ -105,7 +105,7 @@ def is_kept(
 
 
 def test_the_steps_make_the_tables_of_this_release(url: str, engine: Engine) -> None:
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
         assert compare_metadata(context, metadata) == []
@@ -115,7 +115,7 @@ def test_a_store_of_version_1_is_brought_up_to_date_without_loss(url: str, engin
     with engine.begin() as connection:
         fill_version_1(connection)
         before = contents(connection)
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         assert is_kept(before, contents(connection))
 
@@ -123,16 +123,14 @@ def test_a_store_of_version_1_is_brought_up_to_date_without_loss(url: str, engin
 def test_an_upgraded_store_works(url: str, engine: Engine) -> None:
     with engine.begin() as connection:
         fill_version_1(connection)
-    database = Database(url)
-    store = JobStore(database, queue_limit=9, retention=Retention(result_s=60, job_s=60))
-    done = store.get("done")
+    database = open_database(url)
+    queries = JobQueries(database)
+    done = queries.get("default", "done")
     assert done is not None
     assert (done.status, done.labels, done.result_sha256) == ("succeeded", {"part": "door"}, "r")
     assert done.source.size == 3_000_000_000
-    assert store.find("default", "done") == done
-    assert store.find("lab", "done") is None
-    claimed = store.claim(lease_s=30)
-    assert claimed is not None
+    assert queries.get("lab", "done") is None
+    claimed = claim(open_transitions(database))
     assert (claimed.id, claimed.attempt) == ("waits", 2)
     database.close()
 
@@ -142,7 +140,7 @@ def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
 ) -> None:
     with engine.begin() as connection:
         fill_version_1(connection)
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         before = contents(connection)
         head = MigrationContext.configure(connection).get_current_revision()
@@ -150,7 +148,7 @@ def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
     shutil.copytree(STEPS, steps)
     (steps / "versions" / "next.py").write_text(NEXT.format(head=head))
     monkeypatch.setattr(migrate, "__kwdefaults__", {"to": "head", "steps": steps})
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         after = contents(connection)
     assert is_kept(before, after)
@@ -160,10 +158,10 @@ def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
 def test_opening_again_changes_nothing(url: str, engine: Engine) -> None:
     with engine.begin() as connection:
         fill_version_1(connection)
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         before = contents(connection)
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         assert contents(connection) == before
 
@@ -191,23 +189,23 @@ def test_a_store_that_counted_its_versions_itself_is_taken_over(url: str, engine
         connection.execute(text("DROP TABLE alembic_version"))
         connection.execute(text("CREATE TABLE schema_version (version INTEGER PRIMARY KEY)"))
         connection.execute(text("INSERT INTO schema_version VALUES (1)"))
-    Database(url).close()
+    open_database(url).close()
     with engine.connect() as connection:
         assert is_kept(before, contents(connection))
         assert not inspect(connection).has_table("schema_version")
 
 
 def test_a_store_of_a_later_release_is_refused(url: str, engine: Engine) -> None:
-    Database(url).close()
+    open_database(url).close()
     with engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '99'"))
     with pytest.raises(RuntimeError, match=r"version 99.*use the release that wrote it"):
-        Database(url)
+        open_database(url)
 
 
 def _open_with_others(url: str, together: Barrier) -> None:
     together.wait()
-    Database(url).close()
+    open_database(url).close()
 
 
 def _holds(new: dict[str, Any], old: dict[str, Any]) -> bool:

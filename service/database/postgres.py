@@ -1,0 +1,74 @@
+"""PostgreSQL: the database that several service processes share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sqlalchemy import Connection, Engine, create_engine, func, make_url, select, text
+
+from service.database.errors import translate_errors
+from service.database.migrate import migrate
+
+POOL_SIZE = 20
+"""Most connections of one service, of the 100 that a server allows by default."""
+CONNECT_TIMEOUT_S = 10
+ADVISORY_LOCK_ID = 7_073_025
+"""Key of the advisory lock that exclusive transactions hold; an arbitrary number."""
+
+
+class PostgresDatabase:
+    """A `service.database.engine.Database` on a server, used by any number of processes."""
+
+    poll_interval_s: float = 1.0
+    """Other processes change rows without telling this one."""
+
+    def __init__(self, url: str) -> None:
+        self._engine = _create_engine(url)
+        self._snapshot_engine = self._engine.execution_options(isolation_level="REPEATABLE READ")
+        try:
+            with self.write(exclusive=True) as connection:
+                migrate(connection)
+        except BaseException:
+            self.close()
+            raise
+
+    @contextmanager
+    def read(self) -> Iterator[Connection]:
+        """Open a snapshot to read from."""
+        with translate_errors(), self._snapshot_engine.connect() as connection:
+            yield connection
+
+    @contextmanager
+    def write(self, *, exclusive: bool = False, durable: bool = True) -> Iterator[Connection]:
+        """Open a transaction; others run beside it unless both are exclusive."""
+        with translate_errors(), self._engine.begin() as connection:
+            if not durable:
+                connection.execute(text("SET LOCAL synchronous_commit TO OFF"))
+            if exclusive:
+                connection.execute(select(func.pg_advisory_xact_lock(ADVISORY_LOCK_ID)))
+            yield connection
+
+    def orphan_cutoff(self) -> float:
+        """Return the present: other processes live, so only a lease that has ended is orphaned."""
+        return time.time()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
+
+def _create_engine(url: str) -> Engine:
+    return create_engine(
+        make_url(url).set(drivername="postgresql+psycopg"),
+        hide_parameters=True,  # an error that is logged must not tell what a row holds
+        pool_size=POOL_SIZE,
+        max_overflow=0,
+        pool_pre_ping=True,  # a connection that the server closed is replaced before it is used
+        connect_args={
+            "connect_timeout": CONNECT_TIMEOUT_S,
+            "application_name": "mpe",
+            "client_encoding": "utf8",
+        },
+    )

@@ -1,0 +1,81 @@
+"""What is recorded together with a change of a job, in the same transaction."""
+
+from __future__ import annotations
+
+import time
+from uuid import uuid4
+
+from sqlalchemy import (
+    Connection,
+    Float,
+    Insert,
+    Select,
+    String,
+    and_,
+    bindparam,
+    func,
+    insert,
+    select,
+    update,
+)
+
+from service.database.tables import deliveries, events, jobs
+from service.outbound.redact import shown
+
+
+def record_change(connection: Connection, job_id: str) -> None:
+    """Append the present state of the job to its events."""
+    connection.execute(_INSERT_EVENT, {"event_job_id": job_id, "event_at": time.time()})
+
+
+def record_end(connection: Connection, job_id: str) -> None:
+    """Append the end of the job to its events, plan its callback and redact its URLs.
+
+    The clouds are not fetched again, so nothing needs the secrets that their URLs may hold.
+    """
+    record_change(connection, job_id)
+    has_callback = and_(jobs.c.id == job_id, jobs.c.callback_url.is_not(None))
+    plan_delivery(connection, select(jobs.c.id).where(has_callback))
+    _redact_urls(connection, job_id)
+
+
+def plan_delivery(connection: Connection, query: Select[tuple[str]]) -> str | None:
+    """Plan a call to the callback of the job whose id the query finds, due now.
+
+    Returns
+    -------
+    str or None
+        Id of the delivery; None when the query finds no job.
+    """
+    job_id = connection.scalar(query)
+    if job_id is None:
+        return None
+    delivery_id, now = str(uuid4()), time.time()
+    row = {"id": delivery_id, "job_id": job_id, "status": "pending", "tries": []}
+    connection.execute(insert(deliveries).values(**row, created_at=now, next_at=now))
+    return delivery_id
+
+
+def _insert_event() -> Insert:
+    job_id = bindparam("event_job_id", type_=String)
+    last = select(func.coalesce(func.max(events.c.number), 0)).where(events.c.job_id == job_id)
+    state = select(
+        jobs.c.id,
+        last.scalar_subquery() + 1,
+        bindparam("event_at", type_=Float),
+        jobs.c.status,
+        jobs.c.stage,
+        jobs.c.fraction,
+    ).where(jobs.c.id == job_id)
+    return insert(events).from_select(list(events.c), state)
+
+
+_INSERT_EVENT = _insert_event()  # built once: building takes longer than executing
+
+
+def _redact_urls(connection: Connection, job_id: str) -> None:
+    query = select(jobs.c.source, jobs.c.target).where(jobs.c.id == job_id)
+    clouds = connection.execute(query).one()._mapping
+    redacted = {role: {**cloud, "url": shown(cloud["url"])} for role, cloud in clouds.items()}
+    if redacted != clouds:
+        connection.execute(update(jobs).where(jobs.c.id == job_id).values(**redacted))

@@ -1,0 +1,94 @@
+"""Read access to jobs, within the limits of a tenant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sqlalchemy import ColumnElement, and_, func, select
+
+from service.database.engine import Database
+from service.database.pagination import Place, select_page
+from service.database.tables import events, jobs
+from service.jobs.model import JobEvent, JobRow, JobStatus
+from service.jobs.rows import count_jobs, find_job, job_from_row
+
+
+@dataclass(frozen=True, slots=True)
+class JobFilter:
+    """Which of a tenant's jobs a list shows; None does not restrict it."""
+
+    status: JobStatus | None = None
+    label: tuple[str, str] | None = None
+    """Name and value that the job must be labelled with."""
+    created_after: float | None = None
+    """Exclusive, in seconds since the epoch."""
+    created_before: float | None = None
+    """Exclusive, in seconds since the epoch."""
+
+
+class JobQueries:
+    """Jobs as they are; only a method that says so goes beyond one tenant."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def get(self, tenant: str, job_id: str) -> JobRow | None:
+        """Return the tenant's job, or None."""
+        with self._database.read() as connection:
+            return find_job(connection, jobs.c.id == job_id, jobs.c.tenant == tenant)
+
+    def get_unscoped(self, job_id: str) -> JobRow | None:
+        """Return the job of whatever tenant, or None; not for what a caller asks."""
+        with self._database.read() as connection:
+            return find_job(connection, jobs.c.id == job_id)
+
+    def page(
+        self,
+        tenant: str,
+        *,
+        limit: int,
+        only: JobFilter | None = None,
+        before: Place | None = None,
+    ) -> list[JobRow]:
+        """Return up to `limit` jobs, newest first, after the place where the last page ended."""
+        query = select_page(jobs, before=before, limit=limit).where(jobs.c.tenant == tenant)
+        query = query.where(*_conditions(only or JobFilter()))
+        with self._database.read() as connection:
+            return [job_from_row(row) for row in connection.execute(query)]
+
+    def events(self, tenant: str, job_id: str, *, after: int) -> list[JobEvent]:
+        """Return the events of the tenant's job whose number is above `after`, in order."""
+        columns = [column for column in events.c if column is not events.c.job_id]
+        query = (
+            select(*columns)
+            .join(jobs, and_(jobs.c.id == events.c.job_id, jobs.c.tenant == tenant))
+            .where(events.c.job_id == job_id, events.c.number > after)
+            .order_by(events.c.number)
+        )
+        with self._database.read() as connection:
+            return [JobEvent(**row._mapping) for row in connection.execute(query)]
+
+    def count(self, status: JobStatus, tenant: str | None = None) -> int:
+        """Return the number of jobs of this status, of one tenant or of all."""
+        with self._database.read() as connection:
+            return count_jobs(connection, status, tenant)
+
+    def oldest_queued_at(self) -> float | None:
+        """Return when the oldest queued job of all tenants was accepted, None without any."""
+        query = select(func.min(jobs.c.created_at)).where(jobs.c.status == "queued")
+        with self._database.read() as connection:
+            oldest: float | None = connection.scalar(query)
+        return oldest
+
+
+def _conditions(only: JobFilter) -> Iterator[ColumnElement[bool]]:
+    if only.status is not None:
+        yield jobs.c.status == only.status
+    if only.label is not None:
+        name, value = only.label
+        yield jobs.c.labels[name].as_string() == value
+    if only.created_after is not None:
+        yield jobs.c.created_at > only.created_after
+    if only.created_before is not None:
+        yield jobs.c.created_at < only.created_before

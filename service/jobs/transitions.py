@@ -1,0 +1,249 @@
+"""Every change of a job: the transitions of the state machine in `service.jobs.model`."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, and_, delete, select, update
+from sqlalchemy.sql.dml import ReturningUpdate
+
+from service.database.engine import Database
+from service.database.tables import jobs
+from service.jobs.accept import accept_job
+from service.jobs.events import record_change, record_end
+from service.jobs.idempotency import Idempotency
+from service.jobs.model import TERMINAL_STATUSES, JobRow, Outcome, Retention
+from service.jobs.notifier import JobListener
+from service.jobs.rows import find_job, job_from_row
+from service.problems import DeadlineError, WorkerLostError, error_document
+
+MAX_LOST_ATTEMPTS = 3
+"""A job fails with this many attempts that ended without an answer: it kills its workers."""
+
+log = logging.getLogger(__name__)
+
+
+class JobTransitions:
+    """Changes jobs by guarded updates, and tells the listeners of each change.
+
+    A worker that lost its job (cancelled, timed out, lease expired) cannot overwrite it: each of
+    its writes is guarded by the attempt number of the job that it claimed, and returns whether it
+    counted.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        *,
+        queue_limit: int,
+        retention: Retention,
+        listeners: Sequence[JobListener] = (),
+    ) -> None:
+        self._database = database
+        self._queue_limit = queue_limit
+        self._retention = retention
+        self._listeners = listeners
+
+    def add(
+        self,
+        job: JobRow,
+        idempotency: Idempotency | None = None,
+        *,
+        tenant_queue_limit: int | None = None,
+    ) -> JobRow:
+        """Accept a job; see `service.jobs.accept.accept_job`."""
+        with self._database.write(exclusive=True) as connection:
+            return accept_job(
+                connection,
+                job,
+                idempotency,
+                queue_limit=self._queue_limit,
+                tenant_queue_limit=tenant_queue_limit,
+                retention=self._retention,
+            )
+
+    def claim(self, *, lease_s: float) -> JobRow | None:
+        """Begin an attempt at the next queued job, by priority, then age; None without any."""
+        now = time.time()
+        times = {"started_at": now, "lease_until": now + lease_s}
+        with self._database.write() as connection:
+            row = connection.execute(_CLAIM, times).one_or_none()
+            if row is not None:
+                record_change(connection, row.id)
+        if row is None:
+            return None
+        self._notify(lambda listener: listener.changed(row.id))
+        return job_from_row(row)
+
+    def extend_lease(self, job: JobRow, *, lease_s: float) -> bool:
+        """Let the lease end `lease_s` from now; return False when the attempt is not current."""
+        lease = update(jobs).where(_is_current_attempt(job))
+        with self._database.write() as connection:
+            result = connection.execute(lease.values(lease_until=time.time() + lease_s))
+            return result.rowcount == 1
+
+    def is_current(self, job: JobRow) -> bool:
+        """Return whether the job still runs, in the attempt that was claimed as `job`."""
+        query = select(jobs.c.id).where(_is_current_attempt(job))
+        with self._database.read() as connection:
+            return connection.scalar(query) is not None
+
+    def record_progress(self, job: JobRow, stage: str, fraction: float) -> bool:
+        """Record how far the attempt is; return False when it is not current."""
+        values = {"stage": stage, "fraction": fraction}
+        return self._change(_is_current_attempt(job), job.id, values, durable=False)
+
+    def record_inputs(self, job: JobRow) -> bool:
+        """Record that the clouds of the job are stored; return False if it is not current."""
+        values = {"source": asdict(job.source), "target": asdict(job.target), "timing": job.timing}
+        return self._change(_is_current_attempt(job), job.id, values)
+
+    def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
+        """Commit a result; return False when the attempt is not current."""
+        values = asdict(outcome) | {"work_key": work_key}
+        values["timing"] = _with_totals(job, outcome.timing)
+        return self._end(_is_current_attempt(job), job.id, status="succeeded", **values)
+
+    def fail(self, job: JobRow, error: dict[str, Any], timing: dict[str, float]) -> bool:
+        """Commit a failure; return False when the attempt is not current."""
+        values = {"error": error, "timing": _with_totals(job, timing)}
+        return self._end(_is_current_attempt(job), job.id, status="failed", **values)
+
+    def requeue(self, job: JobRow) -> bool:
+        """Return an attempt that was interrupted on purpose to the queue; it is not lost."""
+        return self._change(_is_current_attempt(job), job.id, _QUEUED)
+
+    def record_lost_attempt(self, job: JobRow, reason: str) -> bool:
+        """Return a job whose attempt ended without an answer to the queue, or fail it.
+
+        Returns False when the attempt is not current.
+        """
+        lost = job.lost_attempts + 1
+        if lost < MAX_LOST_ATTEMPTS:
+            values = {"lost_attempts": lost, **_QUEUED}
+            return self._change(_is_current_attempt(job), job.id, values)
+        error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
+        return self.fail(job, error_document(error), {})
+
+    def requeue_orphans(self) -> int:
+        """Record the attempts that a killed process left running as lost; return their number."""
+        cutoff = self._database.orphan_cutoff()
+        return self._record_lost_before(cutoff, "the service was killed meanwhile")
+
+    def expire_leases(self) -> int:
+        """Record the attempts whose lease has ended as lost; return their number."""
+        return self._record_lost_before(time.time(), "its lease ended")
+
+    def fail_overdue(self) -> int:
+        """Fail the queued jobs whose deadline has passed; return their number."""
+        is_overdue = and_(jobs.c.status == "queued", jobs.c.deadline_at < time.time())
+        with self._database.read() as connection:
+            overdue = list(connection.scalars(select(jobs.c.id).where(is_overdue)))
+        error = error_document(DeadlineError("The deadline passed before a worker was free."))
+        return sum(
+            self._end(and_(is_overdue, jobs.c.id == job_id), job_id, status="failed", error=error)
+            for job_id in overdue
+        )
+
+    def cancel(self, job_id: str) -> bool:
+        """End a queued or running job; return False when it has ended or is unknown."""
+        is_active = and_(jobs.c.id == job_id, jobs.c.status.not_in(TERMINAL_STATUSES))
+        return self._end(is_active, job_id, status="cancelled")
+
+    def remove(self, job_id: str) -> bool:
+        """Delete a job that has ended; return False when there is none."""
+        has_ended = and_(jobs.c.id == job_id, jobs.c.status.in_(TERMINAL_STATUSES))
+        with self._database.write() as connection:
+            return connection.execute(delete(jobs).where(has_ended)).rowcount == 1
+
+    def running(self) -> set[tuple[str, int]]:
+        """Return id and attempt number of each running job."""
+        query = select(jobs.c.id, jobs.c.attempt).where(jobs.c.status == "running")
+        with self._database.read() as connection:
+            return {(row.id, row.attempt) for row in connection.execute(query)}
+
+    def _record_lost_before(self, cutoff: float, reason: str) -> int:
+        query = select(jobs).where(jobs.c.status == "running", jobs.c.lease_until < cutoff)
+        with self._database.read() as connection:
+            lost = [job_from_row(row) for row in connection.execute(query)]
+        return sum(self.record_lost_attempt(job, reason) for job in lost)
+
+    def _change(
+        self,
+        guard: ColumnElement[bool],
+        job_id: str,
+        values: dict[str, Any],
+        *,
+        durable: bool = True,
+    ) -> bool:
+        """Update the job that meets the guard; return False when none does."""
+        with self._database.write(durable=durable) as connection:
+            is_changed = _update(connection, guard, values)
+            if is_changed:
+                record_change(connection, job_id)
+        if is_changed:
+            self._notify(lambda listener: listener.changed(job_id))
+        return is_changed
+
+    def _end(self, guard: ColumnElement[bool], job_id: str, **values: Any) -> bool:
+        """End the job that meets the guard; return False when none does."""
+        now = time.time()
+        ending = {
+            "finished_at": now,
+            "lease_until": None,
+            "stage": "finished",
+            "fraction": 1.0,
+            "result_expires_at": now + self._retention.result_s,
+            "expires_at": now + self._retention.job_s,
+        }
+        with self._database.write() as connection:
+            if not _update(connection, guard, ending | values):
+                return False
+            record_end(connection, job_id)
+            job = find_job(connection, jobs.c.id == job_id)
+            assert job is not None  # noqa: S101
+        self._notify(lambda listener: listener.ended(job))
+        return True
+
+    def _notify(self, call: Callable[[JobListener], None]) -> None:
+        """Call every listener; one that fails is logged, since the change is committed."""
+        for listener in self._listeners:
+            try:
+                call(listener)
+            except Exception:
+                log.exception("a listener failed on the change of a job")
+
+
+def _update(connection: Connection, guard: ColumnElement[bool], values: dict[str, Any]) -> bool:
+    return connection.execute(update(jobs).where(guard), values).rowcount == 1
+
+
+def _claim_next() -> ReturningUpdate[Any]:
+    first = (
+        select(jobs.c.id)
+        .where(jobs.c.status == "queued")
+        .order_by(jobs.c.priority.desc(), jobs.c.created_at, jobs.c.id)
+        .limit(1)
+        .with_for_update(skip_locked=True)
+        .scalar_subquery()
+    )
+    claim = update(jobs).where(jobs.c.id == first, jobs.c.status == "queued")
+    return claim.values(status="running", attempt=jobs.c.attempt + 1).returning(jobs)
+
+
+_CLAIM = _claim_next()  # built once: building takes as long as executing
+_QUEUED = {"status": "queued", "lease_until": None, "stage": "queued", "fraction": 0.0}
+
+
+def _is_current_attempt(job: JobRow) -> ColumnElement[bool]:
+    return and_(jobs.c.id == job.id, jobs.c.attempt == job.attempt, jobs.c.status == "running")
+
+
+def _with_totals(job: JobRow, stages: dict[str, float]) -> dict[str, float]:
+    assert job.started_at is not None  # noqa: S101
+    queued_s, total_s = job.started_at - job.created_at, time.time() - job.created_at
+    return {"queued_s": queued_s, **stages, "total_s": total_s}

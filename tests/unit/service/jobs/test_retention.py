@@ -1,0 +1,59 @@
+"""What expires when, and which blobs are needed until then."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from sqlalchemy import update
+
+from service.database.engine import Database
+from service.database.tables import jobs
+from service.jobs.queries import JobQueries
+from service.jobs.retention import drop_expired, find_needed_blobs
+from service.jobs.transitions import JobTransitions
+from service.jobs.usage import count_stored_bytes
+from tests.factories.jobs import CLOUD, OUTCOME, TENANT, add, claim
+
+
+def change_ended(database: Database, **values: Any) -> None:
+    """Change the rows of the jobs that have ended."""
+    with database.write() as connection:
+        has_ended = jobs.c.finished_at.is_not(None)
+        connection.execute(update(jobs).where(has_ended).values(**values))
+
+
+def test_results_expire_before_jobs(
+    database: Database, transitions: JobTransitions, queries: JobQueries
+) -> None:
+    done, waiting = add(transitions, work_key="w"), add(transitions)
+    transitions.succeed(claim(transitions), OUTCOME, "w")
+    drop_expired(database)
+    assert find_needed_blobs(database) == {"ab", "result", "inliers"}
+    change_ended(database, result_expires_at=time.time() - 1)
+    assert add(transitions, work_key="w").status == "queued"
+    drop_expired(database)
+    row = queries.get(TENANT, done.id)
+    assert row is not None
+    assert (row.status, row.result_sha256) == ("succeeded", None)
+    change_ended(database, expires_at=time.time() - 1)
+    drop_expired(database)
+    assert queries.get(TENANT, done.id) is None
+    assert queries.get(TENANT, waiting.id) == waiting
+    assert find_needed_blobs(database) == {"ab"}
+
+
+def test_a_failed_job_needs_no_clouds(database: Database, transitions: JobTransitions) -> None:
+    add(transitions)
+    assert find_needed_blobs(database) == {"ab"}
+    transitions.fail(claim(transitions), {"detail": "x"}, {})
+    assert find_needed_blobs(database) == set()
+
+
+def test_a_file_counts_once_for_its_tenant(database: Database, transitions: JobTransitions) -> None:
+    add(transitions), add(transitions)
+    assert CLOUD.size is not None
+    assert count_stored_bytes(database, TENANT) == CLOUD.size
+    transitions.succeed(claim(transitions), OUTCOME, None)
+    assert count_stored_bytes(database, TENANT) == CLOUD.size + OUTCOME.result_bytes
+    assert count_stored_bytes(database, "other") == 0
