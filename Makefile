@@ -35,9 +35,9 @@ run: setup  ## serve on HOST:PORT (127.0.0.1:8000)
 demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TARGET=b.ply
 	$(PY) -m benchmarks.demo $(if $(SOURCE),--source "$(SOURCE)") $(if $(TARGET),--target "$(TARGET)")
 
-test: setup  ## all tests
+test: setup  ## all tests, with the coverage of both packages
 	@tools/install_system_packages $(TEST_PACKAGES)
-	$(PY) -m pytest
+	$(PY) -m pytest --cov
 
 chaos: setup  ## 300 jobs while the server and its processes are killed 25 times
 	$(PY) -m tests.e2e.chaos

@@ -19,6 +19,7 @@ AUDIT_TIMEOUT_S = 60
 
 
 def main() -> int:
+    """Print the problems of what ships; 1 if there is one."""
     names = sorted(set(re.findall(r"^([\w.-]+)==", LOCK.read_text(), re.M)))
     problems = [text for name in names if (text := licence_problem(name))]
     problems += _vulnerabilities()
@@ -29,7 +30,7 @@ def main() -> int:
 
 
 def licence_problem(name: str) -> str | None:
-    """Why the package must not ship; one for another platform is not installed, nor judged."""
+    """Say why the package must not ship; None if it may, or is not installed here."""
     try:
         found = metadata(name)
     except PackageNotFoundError:
@@ -44,7 +45,7 @@ def licence_problem(name: str) -> str | None:
 
 
 def _vulnerabilities() -> list[str]:
-    """Packages with a known vulnerability and a release without it."""
+    """List packages with a known vulnerability and a release without it."""
     command = [sys.executable, "-m", "pip_audit", "--requirement", str(LOCK), "--disable-pip"]
     command += ["--require-hashes", "--format=json", "--progress-spinner=off"]
     try:
@@ -61,7 +62,7 @@ def _vulnerabilities() -> list[str]:
         print(f"!!! NOT CHECKED FOR VULNERABILITIES: {names}", file=sys.stderr)
         print(f"!!! because: {skipped[0]['skip_reason']}", file=sys.stderr)
     return [
-        f"{package['name']} {package['version']}: {hole['id']}, put right in {hole['fix_versions']}"
+        f"{package['name']} {package['version']}: {hole['id']}, fixed in {hole['fix_versions']}"
         for package in packages
         for hole in package.get("vulns", ())
         if hole["fix_versions"]

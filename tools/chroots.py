@@ -24,7 +24,7 @@ PIP_FILES = {
 
 
 def require(*commands: str) -> None:
-    """Exit with what is missing unless root and the commands are there."""
+    """Exit and say what is missing unless this is root and the commands exist."""
     missing = [command for command in commands if shutil.which(command) is None]
     if os.geteuid() != 0 or missing:
         sys.exit(f"Needs root and {', '.join(commands)}; missing: {', '.join(missing) or 'root'}.")
@@ -53,7 +53,10 @@ def in_chroot(
 ) -> None:
     """Run a command that may install, with folders of this machine mounted read-only.
 
-    CalledProcessError if it fails.
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The command failed.
     """
     variables = {"PATH": PATH, "HOME": "/root", "DEBIAN_FRONTEND": "noninteractive"}
     variables |= {k: v for k, v in os.environ.items() if k in ("PIP_INDEX_URL", "PIP_TRUSTED_HOST")}
@@ -75,12 +78,18 @@ def in_chroot(
 
 
 def run(command: Sequence[str]) -> None:
-    """Run a command; CalledProcessError if it fails."""
+    """Run a command.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The command failed.
+    """
     subprocess.run(command, check=True)
 
 
 def _mirror() -> str:
-    """The first Debian mirror in this machine's apt sources."""
+    """Return the first Debian mirror in this machine's apt sources."""
     sources = [*Path("/etc/apt").glob("sources.list.d/debian*"), Path("/etc/apt/sources.list")]
     for path in sources:
         text = path.read_text() if path.is_file() else ""

@@ -23,6 +23,7 @@ TARGETS = ["setup", "setup", "demo", "test"]
 
 
 def main() -> int:
+    """Run the targets in a fresh machine; 1 when one fails."""
     require("debootstrap", "unshare", "git")
     place = PROJECT / "build" / "bare"
     place.mkdir(parents=True, exist_ok=True)

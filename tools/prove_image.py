@@ -47,6 +47,7 @@ class Stage:
 
 
 def main() -> int:
+    """Build the image's tree, serve from it, and check what is promised."""
     require("debootstrap", "unshare", "nsenter", "ip", "curl", "setpriv")
     place = Path(sys.argv[1] if len(sys.argv) > 1 else PROJECT / "build" / "image").resolve()
     place.mkdir(parents=True, exist_ok=True)
@@ -57,7 +58,7 @@ def main() -> int:
 
 
 def instructions(dockerfile: str) -> list[tuple[str, str]]:
-    """Keyword and rest of each instruction, lines joined, comments left out."""
+    """Return keyword and rest of each instruction, lines joined, comments left out."""
     lines = [line for line in dockerfile.splitlines() if not line.lstrip().startswith("#")]
     joined = re.sub(r"\\\n", " ", "\n".join(lines))
     return [tuple(line.split(None, 1)) for line in joined.splitlines() if line.strip()]  # type: ignore[misc]
@@ -137,6 +138,7 @@ def _copy(stage: Stage, words: list[str], stages: dict[str, Stage]) -> None:
 
 
 def in_context(source: str) -> bool:
+    """Return whether .dockerignore lets the file into the build's context."""
     kept = True
     for line in (PROJECT / ".dockerignore").read_text().splitlines():
         if line and not line.startswith("#") and fnmatch(source, line.lstrip("!")):
@@ -196,7 +198,7 @@ def _container(stage: Stage, data: Path) -> list[str]:
 
 
 def _init_of(outer: subprocess.Popen[bytes]) -> int:
-    """The process that is number 1 inside: unshare's only child."""
+    """Return the process that is number 1 inside: unshare's only child."""
     children = Path(f"/proc/{outer.pid}/task/{outer.pid}/children")
     for _ in range(100):
         if outer.poll() is not None:
