@@ -1,4 +1,4 @@
-"""The ASGI application: wiring only."""
+"""The ASGI application: middleware, error handlers and routes, put together."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from service.api.error_handlers import register_error_handlers
+from service.api.middleware.cors import CORS_OPTIONS
 from service.api.middleware.drain_body import DrainBodyMiddleware
 from service.api.middleware.request_log import RequestLogMiddleware
-from service.api.middleware.security_headers import CORS, SecurityHeadersMiddleware
-from service.api.openapi import describe
+from service.api.middleware.security_headers import SecurityHeadersMiddleware
+from service.api.openapi import add_description
 from service.api.routes import (
     aligned,
     clouds,
@@ -28,35 +29,43 @@ from service.runtime import open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
 
+ROUTE_MODULES = (
+    registrations,
+    inliers,
+    aligned,
+    events,
+    deliveries,
+    clouds,
+    uploads,
+    formats,
+    health,
+)
+"""Modules with a `router`, in the order of the OpenAPI description."""
+
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """The application; its service runs from the start of its lifespan to the end."""
+    """Create the application; its lifespan opens and closes the runtime.
 
+    Parameters
+    ----------
+    settings : Settings, optional
+        Default: from the environment.
+    """
     settings, metrics = settings or Settings(), Metrics()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        with open_runtime(settings, metrics) as app.state.service:
+        with open_runtime(settings, metrics) as app.state.runtime:
             yield
 
     app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
     app.add_middleware(DrainBodyMiddleware)
     if settings.cors_origins:
-        app.add_middleware(CORSMiddleware, allow_origins=settings.cors_origins, **CORS)
+        app.add_middleware(CORSMiddleware, allow_origins=settings.cors_origins, **CORS_OPTIONS)
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(RequestLogMiddleware, metrics=metrics)
     register_error_handlers(app, metrics)
-    for module in (
-        registrations,
-        inliers,
-        aligned,
-        events,
-        deliveries,
-        clouds,
-        uploads,
-        formats,
-        health,
-    ):
+    for module in ROUTE_MODULES:
         app.include_router(module.router)
-    describe(app)
+    add_description(app)
     return app

@@ -111,6 +111,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             retention=Retention(settings.result_retention_s, settings.job_retention_s),
             listeners=(telemetry, notifier),
         )
+        clouds = CloudStore(database, blobs, retention_s=settings.cloud_retention_s)
         runtime = Runtime(
             settings=settings,
             database=database,
@@ -119,9 +120,12 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             transitions=transitions,
             notifier=notifier,
             workers=WorkerPool(transitions, blobs, settings),
-            clouds=CloudStore(database, blobs, retention_s=settings.cloud_retention_s),
+            clouds=clouds,
             uploads=UploadStore(
-                database, settings.data_dir / "uploads", retention_s=settings.upload_retention_s
+                database,
+                clouds,
+                settings.data_dir / "uploads",
+                retention_s=settings.upload_retention_s,
             ),
             outbox=Outbox(database),
             telemetry=telemetry,

@@ -1,4 +1,4 @@
-"""Serving the application with uvicorn."""
+"""The server process: uvicorn, signals, and the drain at shutdown."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from service.runtime import Runtime
 from service.settings import Settings
 from service.telemetry.json_logs import configure_logs
 
-CONNECTIONS_GRACE_S = 3
-"""Seconds that open connections (event streams, waits) have left once the jobs are handed back."""
+CONNECTION_GRACE_S = 3
+"""Seconds for open connections (event streams, long polls) to close after the workers stopped."""
 
-SWITCH_INTERVAL_S = 0.0005
-"""After each system call, the event loop waits this long for a thread that computes. With Python's
-5 ms, 64 clients, on a machine that had other work: median of a look 178 ms, of a list 116 ms, of a
-submission 564 ms; with this 40, 37 and 142 ms."""
+GIL_SWITCH_INTERVAL_S = 0.0005
+"""Interval of GIL hand-over, in seconds; Python's default of 5 ms delays the event loop while a
+thread computes (docs/tuning.md, GIL_SWITCH_INTERVAL_S)."""
 
 
 class DrainingServer(uvicorn.Server):
-    """Goes on answering, but takes on nothing, until the running jobs have ended or the grace."""
+    """A uvicorn server that keeps answering while it drains: running jobs get a grace to finish."""
 
     def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
         super().__init__(config)
@@ -34,7 +33,7 @@ class DrainingServer(uvicorn.Server):
         self._draining = False
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """The first signal begins to drain, a second one ends at once."""
+        """Start to drain at the first signal; stop at once at the second."""
         if self._draining:
             super().handle_exit(sig, frame)
             return
@@ -42,23 +41,26 @@ class DrainingServer(uvicorn.Server):
         threading.Thread(target=self._drain, args=(sig, frame), daemon=True).start()
 
     def _drain(self, sig: int, frame: FrameType | None) -> None:
-        service: Runtime | None = getattr(self._app.state, "service", None)
-        if service is not None:
-            service.drain(service.settings.shutdown_grace_s)
+        runtime: Runtime | None = getattr(self._app.state, "runtime", None)
+        if runtime is not None:
+            runtime.drain(runtime.settings.shutdown_grace_s)
         super().handle_exit(sig, frame)
 
 
 def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
-    """Serve until SIGTERM or SIGINT; the settings come from the MPE_ variables.
+    """Serve until SIGTERM or SIGINT, with the settings of the MPE_ variables.
 
-    OpenToStrangersError when others could reach the address, and there are no keys.
+    Raises
+    ------
+    UnprotectedBindError
+        Other machines could reach the address, and there are no keys.
     """
     settings = Settings()
     check_binding(host, settings)
     configure_logs(settings.log_level)
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    sys.setswitchinterval(GIL_SWITCH_INTERVAL_S)
     app = create_app(settings)
-    # a full collection would go over all that was imported, and answer nobody for 60 ms
+    # keep the imported objects out of full collections, which would stop the event loop for 60 ms
     gc.collect()
     gc.freeze()
     config = uvicorn.Config(
@@ -67,7 +69,7 @@ def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
         port=port,
         server_header=False,
         log_config=None,
-        timeout_graceful_shutdown=CONNECTIONS_GRACE_S,
+        timeout_graceful_shutdown=CONNECTION_GRACE_S,
     )
     DrainingServer(config, app).run()
 

@@ -16,8 +16,7 @@ from pydantic_settings import BaseSettings
 import service.app  # noqa: F401 - imports every module that defines problem types
 from service.formats import FORMATS
 from service.problems import all_problem_types
-from service.schemas import Result
-from service.schemas.options import Options
+from service.schemas import Result, describe_options
 from service.settings import Settings
 
 REFERENCE = Path(__file__).parent.parent / "docs" / "reference"
@@ -69,8 +68,8 @@ def _settings(group: type[BaseSettings]) -> Iterator[tuple[str, ...]]:
 
 
 def _options() -> Iterator[tuple[str, ...]]:
-    for name, field in Options.model_fields.items():
-        yield f"`{name}`", _default(field.default), field.description or ""
+    for name, schema in describe_options().items():
+        yield f"`{name}`", _default(schema["default"]), schema["description"]
 
 
 def _result_fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, ...]]:

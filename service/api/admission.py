@@ -1,10 +1,10 @@
-"""Whether the service can take on more, asked before a body is read."""
+"""Admission control: refuse a submission before its body is read if it cannot be processed."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 
 import psutil
 from fastapi import Request
@@ -18,41 +18,65 @@ from service.runtime import Runtime
 
 @asynccontextmanager
 async def reserve_body_bytes(
-    request: Request, service: Runtime, caller: Caller
+    request: Request, runtime: Runtime, caller: Caller
 ) -> AsyncIterator[None]:
-    """Room for the request's body while the context lasts; raises like `admit`.
+    """Reserve the size of the request's body, as `reserve_bytes` does.
 
-    A body that does not announce its length may be as long as any.
+    A body without Content-Length counts as the longest that is allowed.
     """
-    longest = service.settings.max_body_bytes
-    size = min(longest, int(request.headers.get("content-length", longest)))
-    await run_in_threadpool(admit, service, caller, size)
+    max_bytes = runtime.settings.max_body_bytes
+    size = min(max_bytes, int(request.headers.get("content-length", max_bytes)))
+    await run_in_threadpool(_reserve, runtime, caller, size)
     try:
         yield
     finally:
-        service.storage_quota.release(caller, size)
+        runtime.storage_quota.release(caller, size)
 
 
-def admit(service: Runtime, caller: Caller, size: int) -> None:
-    """Reserve room for so many bytes, which the caller releases.
+@contextmanager
+def reserve_bytes(runtime: Runtime, caller: Caller, size: int) -> Iterator[None]:
+    """Check the capacity, and reserve bytes of the tenant's quota while the context lasts.
 
-    NotReadyError, QueueFullError, QuotaExceededError or OverloadedError when a submission would
-    come to nothing.
+    Raises
+    ------
+    NotReadyError, QueueFullError, OverloadedError
+        As `check_capacity`.
+    QuotaExceededError
+        The tenant has no room for so many bytes, or too many waiting registrations.
     """
-    settings = service.settings
-    if service.workers.is_stopping:
+    _reserve(runtime, caller, size)
+    try:
+        yield
+    finally:
+        runtime.storage_quota.release(caller, size)
+
+
+def _reserve(runtime: Runtime, caller: Caller, size: int) -> None:
+    check_capacity(runtime, caller)
+    runtime.storage_quota.reserve(caller, size)
+
+
+def check_capacity(runtime: Runtime, caller: Caller) -> None:
+    """Check that the service could queue a registration of the caller now.
+
+    Raises
+    ------
+    NotReadyError
+        The service is stopping.
+    QueueFullError
+        The queue is full.
+    QuotaExceededError
+        The tenant has as many waiting registrations as it may.
+    OverloadedError
+        Disk or memory is short.
+    """
+    settings, tenant_limit = runtime.settings, caller.limits.queue_limit
+    if runtime.workers.is_stopping:
         raise NotReadyError("The service is stopping; retry later.")
-    check_queue_limit(service.jobs.count("queued"), settings.queue_limit)
-    if caller.limits.queue_limit is not None:
-        check_tenant_queue_limit(
-            service.jobs.count("queued", caller.tenant), caller.limits.queue_limit
-        )
+    check_queue_limit(runtime.jobs.count("queued"), settings.queue_limit)
+    if tenant_limit is not None:
+        check_tenant_queue_limit(runtime.jobs.count("queued", caller.tenant), tenant_limit)
     if shutil.disk_usage(settings.data_dir).free < settings.min_free_disk_bytes:
-        raise _overloaded("disk")
+        raise OverloadedError("Too little disk is left; retry later.")
     if psutil.virtual_memory().available < settings.min_free_memory_bytes:
-        raise _overloaded("memory")
-    service.storage_quota.reserve(caller, size)
-
-
-def _overloaded(resource: str) -> OverloadedError:
-    return OverloadedError(f"Too little {resource} is left; retry later.")
+        raise OverloadedError("Too little memory is left; retry later.")

@@ -1,4 +1,8 @@
-"""Reading a request's body piece by piece, never more than is allowed, clouds straight to disk."""
+"""Request bodies, read chunk by chunk within limits; files go straight to the blob store.
+
+Starlette's form parser writes every file to a temporary file before a route runs; this one hashes
+and stores it while it arrives. Both use the callbacks of python-multipart.
+"""
 
 from __future__ import annotations
 
@@ -14,80 +18,108 @@ from starlette.requests import ClientDisconnect
 from service.problems import BodyTooLargeError, MalformedBodyError
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 
-MAX_PARTS = 16
+MAX_FORM_FIELDS = 16
 MAX_TEXT_BYTES = 1 << 18
+"""Longest JSON body and longest text field of a form, in bytes."""
 
-Fields = dict[str, Blob | str]
-Understood = TypeVar("Understood")
+FormFields = dict[str, Blob | str]
+T = TypeVar("T")
 
 
-async def limited(request: Request, limit: int) -> AsyncIterator[bytes]:
-    """The body's chunks; BodyTooLargeError as soon as it is known to exceed the limit."""
-    received = int(request.headers.get("content-length", 0))
-    if received > limit:
-        raise _too_large(limit)
+async def iter_body(request: Request, max_bytes: int) -> AsyncIterator[bytes]:
+    """Yield the chunks of the body.
+
+    Raises
+    ------
+    BodyTooLargeError
+        Content-Length or the bytes received so far exceed `max_bytes`.
+    MalformedBodyError
+        The connection is closed before the end of the body.
+    """
+    if int(request.headers.get("content-length", 0)) > max_bytes:
+        raise _too_large(max_bytes)
     received = 0
     try:
         async for chunk in request.stream():
             received += len(chunk)
-            if received > limit:
-                raise _too_large(limit)
+            if received > max_bytes:
+                raise _too_large(max_bytes)
             yield chunk
     except ClientDisconnect:
-        raise MalformedBodyError("The connection was cut before the body had arrived.") from None
+        raise MalformedBodyError("The connection was closed before the end of the body.") from None
 
 
-def _too_large(limit: int) -> BodyTooLargeError:
-    return BodyTooLargeError(f"The body exceeds the allowed {limit} bytes.")
+def _too_large(max_bytes: int) -> BodyTooLargeError:
+    return BodyTooLargeError(f"The body is longer than the allowed {max_bytes} bytes.")
 
 
 async def read_text(request: Request) -> bytes:
-    """The whole of a small body."""
-    return b"".join([chunk async for chunk in limited(request, MAX_TEXT_BYTES)])
+    """Read a body of at most MAX_TEXT_BYTES as a whole."""
+    return b"".join([chunk async for chunk in iter_body(request, MAX_TEXT_BYTES)])
 
 
-async def read_file(request: Request, blobs: BlobStore, limit: int) -> Blob:
-    """The body, stored as it is."""
+async def store_body(request: Request, blobs: BlobStore, max_bytes: int) -> Blob:
+    """Store the body as a blob."""
     with blobs.writer() as writer:
-        async for chunk in limited(request, limit):
+        async for chunk in iter_body(request, max_bytes):
             writer.write(chunk)
         return await run_in_threadpool(writer.commit)
 
 
 async def read_multipart(
-    request: Request, blobs: BlobStore, limit: int, understand: Callable[[Fields], Understood]
-) -> Understood:
-    """What is understood from the fields of a multipart/form-data body, in the thread that stores
-    its files: they are blobs by then, the other fields text."""
+    request: Request, blobs: BlobStore, max_bytes: int, parse: Callable[[FormFields], T]
+) -> T:
+    """Read a multipart/form-data body, store its files, and parse its fields.
+
+    Parameters
+    ----------
+    request : Request
+        Its Content-Type is multipart/form-data.
+    blobs : BlobStore
+        Where the files go.
+    max_bytes : int
+        Longest body.
+    parse : callable
+        Called with the fields by name, files as blobs and other fields as text, in the worker
+        thread that makes the files durable.
+
+    Raises
+    ------
+    MalformedBodyError
+        The body is not a complete form with named, distinct fields.
+    BodyTooLargeError
+        The body, or one of its text fields, is too long.
+    """
     _, parameters = parse_options_header(request.headers["content-type"])
-    with _Form(parameters.get(b"boundary", b""), blobs) as form:
-        async for chunk in limited(request, limit):
+    with _MultipartForm(parameters.get(b"boundary", b""), blobs) as form:
+        async for chunk in iter_body(request, max_bytes):
             form.feed(chunk)
-        return await run_in_threadpool(lambda: understand(form.finish()))
+        return await run_in_threadpool(lambda: parse(form.commit()))
 
 
-class _Form:
-    """Takes the parser's callbacks; a file goes to its blob writer while it arrives."""
+class _MultipartForm:
+    """Receiver of the parser's callbacks; writes each file to the blob store while it arrives."""
 
     def __init__(self, boundary: bytes, blobs: BlobStore) -> None:
         if not boundary:
             raise MalformedBodyError("The content type multipart/form-data names no boundary.")
         self._blobs = blobs
         self._fields: dict[str, BlobWriter | bytearray] = {}
-        self._current: BlobWriter | bytearray = bytearray()
-        self._header: tuple[bytes, bytes] = (b"", b"")
+        self._field: BlobWriter | bytearray = bytearray()
+        self._header_name = b""
+        self._header_value = b""
         self._disposition: dict[bytes, bytes] = {}
-        self._complete = False
+        self._is_complete = False
         self._parser = MultipartParser(
             boundary,
             {
-                "on_part_begin": self._begin_part,
-                "on_header_field": self._header_name,
-                "on_header_value": self._header_value,
-                "on_header_end": self._end_header,
-                "on_headers_finished": self._open_field,
-                "on_part_data": self._data,
-                "on_end": self._end,
+                "on_part_begin": self._on_part_begin,
+                "on_header_field": self._on_header_field,
+                "on_header_value": self._on_header_value,
+                "on_header_end": self._on_header_end,
+                "on_headers_finished": self._on_headers_finished,
+                "on_part_data": self._on_part_data,
+                "on_end": self._on_end,
             },
         )
 
@@ -105,9 +137,9 @@ class _Form:
         except FormParserError as error:
             raise MalformedBodyError(f"The multipart body is malformed: {error}") from error
 
-    def finish(self) -> Fields:
-        """Make the files durable; called off the event loop, it waits for the disk."""
-        if not self._complete:
+    def commit(self) -> FormFields:
+        """Make the files durable, which waits for the disk, and return all fields."""
+        if not self._is_complete:
             raise MalformedBodyError("The multipart body ends before its closing boundary.")
         try:
             return {
@@ -117,42 +149,40 @@ class _Form:
         except UnicodeDecodeError as error:
             raise MalformedBodyError("A text field of the form is not UTF-8.") from error
 
-    def _begin_part(self) -> None:
-        self._header, self._disposition = (b"", b""), {}
+    def _on_part_begin(self) -> None:
+        self._header_name, self._header_value, self._disposition = b"", b"", {}
 
-    def _header_name(self, data: bytes, start: int, end: int) -> None:
-        name, value = self._header
-        self._header = (name + data[start:end], value)
+    def _on_header_field(self, data: bytes, start: int, end: int) -> None:
+        self._header_name += data[start:end]
 
-    def _header_value(self, data: bytes, start: int, end: int) -> None:
-        name, value = self._header
-        self._header = (name, value + data[start:end])
+    def _on_header_value(self, data: bytes, start: int, end: int) -> None:
+        self._header_value += data[start:end]
 
-    def _end_header(self) -> None:
-        name, value = self._header
-        if name.lower() == b"content-disposition":
-            _, self._disposition = parse_options_header(value)
-        self._header = (b"", b"")
+    def _on_header_end(self) -> None:
+        if self._header_name.lower() == b"content-disposition":
+            _, self._disposition = parse_options_header(self._header_value)
+        self._header_name, self._header_value = b"", b""
 
-    def _open_field(self) -> None:
+    def _on_headers_finished(self) -> None:
         name = self._disposition.get(b"name", b"").decode(errors="replace")
         if not name:
             raise MalformedBodyError("A part of the form has no name.")
         if name in self._fields:
-            raise MalformedBodyError("A field of the form comes twice.")
-        if len(self._fields) >= MAX_PARTS:
-            raise MalformedBodyError(f"The form has more than {MAX_PARTS} fields.")
+            raise MalformedBodyError("Two parts of the form have the same name.")
+        if len(self._fields) >= MAX_FORM_FIELDS:
+            raise MalformedBodyError(f"The form has more than {MAX_FORM_FIELDS} fields.")
         is_file = b"filename" in self._disposition
-        self._current = self._blobs.writer() if is_file else bytearray()
-        self._fields[name] = self._current
+        self._field = self._fields[name] = self._blobs.writer() if is_file else bytearray()
 
-    def _data(self, data: bytes, start: int, end: int) -> None:
-        if isinstance(self._current, BlobWriter):
-            self._current.write(data[start:end])
+    def _on_part_data(self, data: bytes, start: int, end: int) -> None:
+        if isinstance(self._field, BlobWriter):
+            self._field.write(data[start:end])
             return
-        self._current += data[start:end]
-        if len(self._current) > MAX_TEXT_BYTES:
-            raise BodyTooLargeError(f"A text field exceeds the allowed {MAX_TEXT_BYTES} bytes.")
+        self._field += data[start:end]
+        if len(self._field) > MAX_TEXT_BYTES:
+            raise BodyTooLargeError(
+                f"A text field is longer than the allowed {MAX_TEXT_BYTES} bytes."
+            )
 
-    def _end(self) -> None:
-        self._complete = True
+    def _on_end(self) -> None:
+        self._is_complete = True

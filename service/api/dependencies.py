@@ -1,9 +1,10 @@
-"""What the routes ask for, as annotated dependencies."""
+"""FastAPI dependencies of the routes, as annotated types."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import Depends, Header, Path, Query, Request, Security
@@ -11,25 +12,30 @@ from fastapi.security import HTTPBearer
 from starlette.concurrency import run_in_threadpool
 
 from service.api.admission import reserve_body_bytes
-from service.api.body import read_file
+from service.api.body import store_body
 from service.api.same_origin import check_origin
 from service.api.submission import Submission, read_submission
 from service.auth.authenticator import Caller
+from service.database.pagination import CURSOR, Place, decode_cursor
 from service.jobs.model import JobRow
 from service.problems import UnknownRegistrationError
 from service.runtime import Runtime
 from service.schemas import FormatName
 from service.storage.blobs import Blob
 
-_WAIT = re.compile(r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE)
+_WAIT_PREFERENCE = re.compile(
+    r"(?:^|[,;])\s*wait\s*=\s*\"?(\d{1,6})\"?\s*(?=[,;]|$)", re.IGNORECASE
+)
+"""`wait=N` in a Prefer header (RFC 7240), N in whole seconds."""
 
 
-def _service(request: Request) -> Runtime:
-    service: Runtime = request.app.state.service
-    return service
+def _runtime(request: Request) -> Runtime:
+    runtime: Runtime = request.app.state.runtime
+    return runtime
 
 
-CurrentService = Annotated[Runtime, Depends(_service)]
+CurrentRuntime = Annotated[Runtime, Depends(_runtime)]
+
 _bearer = HTTPBearer(
     scheme_name="key",
     bearerFormat="mpe_<id>_<secret>",
@@ -39,57 +45,85 @@ _bearer = HTTPBearer(
 
 
 async def identify(
-    request: Request, service: CurrentService, _: Annotated[object, Security(_bearer)]
+    request: Request, runtime: CurrentRuntime, _: Annotated[object, Security(_bearer)]
 ) -> Caller:
-    """Whoever calls, by the key that is sent, and not more often than it may be used.
+    """Authenticate the caller and count the request towards the rate limit.
 
-    Without a key: whoever is not a page of another site.
+    Raises
+    ------
+    UnauthorizedError
+        The key is missing or not valid.
+    HostRefusedError, OriginRefusedError
+        There is no key, and the request may come from a page of another site.
+    RateLimitedError
+        The key is used too often.
     """
-    given = request.headers.getlist("authorization")
-    caller = service.authenticator.remembered(given)
+    authorization = request.headers.getlist("authorization")
+    caller = runtime.authenticator.remembered(authorization)
     if caller is None:
-        caller = await run_in_threadpool(service.authenticator.identified, given)
+        caller = await run_in_threadpool(runtime.authenticator.identified, authorization)
     if caller.key_id is None:
-        check_origin(request, service.settings)
+        check_origin(request, runtime.settings)
     request.scope["caller"] = caller
-    service.rate_limiter.count(caller)
+    runtime.rate_limiter.count(caller)
     return caller
 
 
 CurrentCaller = Annotated[Caller, Depends(identify)]
 
 
-def _wait(
-    service: CurrentService,
+@dataclass(frozen=True, slots=True)
+class PageRequest:
+    """Which page of a list to return."""
+
+    limit: int
+    before: Place | None
+    """Where the previous page ends; None: the first page."""
+
+
+def _page(
+    limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
+    cursor: Annotated[
+        str | None, Query(pattern=CURSOR, description="next_cursor of the previous page.")
+    ] = None,
+) -> PageRequest:
+    return PageRequest(limit, None if cursor is None else decode_cursor(cursor))
+
+
+RequestedPage = Annotated[PageRequest, Depends(_page)]
+
+
+def _preferred_wait_s(
+    runtime: CurrentRuntime,
     prefer: Annotated[
         str | None,
         Header(
-            description="`wait=N`: answer when the registration has ended, after N seconds at the "
+            description="`wait=N`: respond when the registration has ended, after N seconds at the "
             "latest. The registration goes on either way."
         ),
     ] = None,
 ) -> float | None:
-    asked = _WAIT.search(prefer or "")
-    return None if asked is None else min(float(asked.group(1)), service.settings.max_wait_s)
+    wait = _WAIT_PREFERENCE.search(prefer or "")
+    return None if wait is None else min(float(wait.group(1)), runtime.settings.max_wait_s)
 
 
-PreferredWait = Annotated[float | None, Depends(_wait)]
+PreferredWait = Annotated[float | None, Depends(_preferred_wait_s)]
 
 
 async def _idempotency_key(
-    service: CurrentService,
+    runtime: CurrentRuntime,
     caller: CurrentCaller,
     idempotency_key: Annotated[
         str | None,
         Header(
             min_length=1,
             max_length=255,
-            description="A word of the caller's own: the same request again under it is answered "
-            "with the same registration, another request is refused.",
+            description="Any text of the caller's choice: the same request repeated with it "
+            "returns the same registration; a different request with it is refused.",
         ),
     ] = None,
 ) -> AsyncIterator[str | None]:
-    with service.in_flight_keys.lock(caller.tenant, idempotency_key):
+    with runtime.in_flight_keys.lock(caller.tenant, idempotency_key):
         yield idempotency_key
 
 
@@ -97,19 +131,21 @@ IdempotencyKey = Annotated[str | None, Depends(_idempotency_key)]
 
 
 async def _submission(
-    request: Request, service: CurrentService, caller: CurrentCaller, _key: IdempotencyKey
+    request: Request, runtime: CurrentRuntime, caller: CurrentCaller, _key: IdempotencyKey
 ) -> Submission:
-    async with reserve_body_bytes(request, service, caller):
-        return await read_submission(request, service, caller.tenant)
+    async with reserve_body_bytes(request, runtime, caller):
+        return await read_submission(request, runtime, caller.tenant)
 
 
 NewSubmission = Annotated[Submission, Depends(_submission)]
 
 
-async def _raw_body(request: Request, service: CurrentService, caller: CurrentCaller) -> Blob:
-    async with reserve_body_bytes(request, service, caller):
-        return await read_file(request, service.blobs, service.settings.max_body_bytes)
+async def _raw_body(request: Request, runtime: CurrentRuntime, caller: CurrentCaller) -> Blob:
+    async with reserve_body_bytes(request, runtime, caller):
+        return await store_body(request, runtime.blobs, runtime.settings.max_body_bytes)
 
+
+RawBody = Annotated[Blob, Depends(_raw_body)]
 
 DeclaredFormat = Annotated[
     FormatName | None,
@@ -118,22 +154,27 @@ DeclaredFormat = Annotated[
         "`kitti` has no header."
     ),
 ]
-RawBody = Annotated[Blob, Depends(_raw_body)]
 
 
-def known(job: JobRow | None) -> JobRow:
-    """The job; UnknownRegistrationError when it is None."""
+def require_job(job: JobRow | None) -> JobRow:
+    """Return the job.
+
+    Raises
+    ------
+    UnknownRegistrationError
+        It is None.
+    """
     if job is None:
-        raise UnknownRegistrationError("No registration has this id; it may have been removed.")
+        raise UnknownRegistrationError("No registration has this id; it may have been deleted.")
     return job
 
 
-def _known_job(
-    service: CurrentService,
+def _requested_job(
+    runtime: CurrentRuntime,
     caller: CurrentCaller,
     job_id: Annotated[str, Path(description="Id of the registration.")],
 ) -> JobRow:
-    return known(service.jobs.get(caller.tenant, job_id))
+    return require_job(runtime.jobs.get(caller.tenant, job_id))
 
 
-KnownJob = Annotated[JobRow, Depends(_known_job)]
+RequestedJob = Annotated[JobRow, Depends(_requested_job)]

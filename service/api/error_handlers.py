@@ -1,4 +1,4 @@
-"""Every error leaves as a problem document (application/problem+json)."""
+"""Error handlers: every error becomes a problem document (application/problem+json)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fastapi.routing import iter_route_contexts
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
-from service.api.middleware.security_headers import protect
+from service.api.middleware.security_headers import add_security_headers
 from service.problems import (
     FOREIGN_PROBLEMS,
     INTERNAL,
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 
 class ProblemResponse(JSONResponse):
-    """A response whose body is a problem document."""
+    """A response whose body is a problem document; `kind` is the last part of its type."""
 
     media_type = "application/problem+json"
 
@@ -42,25 +42,25 @@ class ProblemResponse(JSONResponse):
         self.kind: str = content["type"].removeprefix(TYPE_PREFIX)
 
 
-Answer = Callable[[Request, Exception], ProblemResponse]
+Renderer = Callable[[Request, Exception], ProblemResponse]
 Handler = Callable[[Request, Exception], Awaitable[ProblemResponse]]
 
 
 def register_error_handlers(app: FastAPI, metrics: Metrics) -> None:
     """Answer every exception with its problem document, and count it."""
     foreseen: tuple[type[Exception], ...] = (ServiceError, *FOREIGN_PROBLEMS)
-    handlers = dict.fromkeys(foreseen, _expected) | {
-        RequestValidationError: _invalid_parameters,
-        HTTPException: _http,
-        Exception: _unexpected,
+    renderers = dict.fromkeys(foreseen, _render_foreseen) | {
+        RequestValidationError: _render_invalid_parameters,
+        HTTPException: _render_http_exception,
+        Exception: _render_unexpected,
     }
-    for exception, answer in handlers.items():
-        app.add_exception_handler(exception, _counted(answer, metrics))
+    for exception, render in renderers.items():
+        app.add_exception_handler(exception, _counted(render, metrics))
 
 
-def _counted(answer: Answer, metrics: Metrics) -> Handler:
+def _counted(render: Renderer, metrics: Metrics) -> Handler:
     async def handler(request: Request, error: Exception) -> ProblemResponse:
-        response = answer(request, error)
+        response = render(request, error)
         metrics.problems.labels(response.kind).inc()
         return response
 
@@ -68,22 +68,26 @@ def _counted(answer: Answer, metrics: Metrics) -> Handler:
 
 
 def invalid_request(
-    error: ValidationError | RequestValidationError, *within: str
+    error: ValidationError | RequestValidationError, *parents: str
 ) -> InvalidRequestError:
-    """Say where the input is wrong and what was expected, without repeating the input."""
-    found = [
+    """Convert a validation error; the detail does not repeat the input, which may hold secrets.
+
+    Parameters
+    ----------
+    error : ValidationError or RequestValidationError
+        What pydantic found.
+    parents : str
+        Path in the request of the document that was validated; its errors' pointers begin with it.
+    """
+    mistakes = [
         {
-            "pointer": _pointer((*within, *item["loc"])),
+            "pointer": "".join(f"/{part}" for part in (*parents, *item["loc"])),
             "detail": item["msg"].removeprefix("Value error, "),
         }
         for item in error.errors()
     ]
-    detail = "; ".join(f"{item['pointer'] or '/'}: {item['detail']}" for item in found)
-    return InvalidRequestError(detail, members={"errors": found})
-
-
-def _pointer(location: tuple[int | str, ...]) -> str:
-    return "".join(f"/{part}" for part in location)
+    detail = "; ".join(f"{item['pointer'] or '/'}: {item['detail']}" for item in mistakes)
+    return InvalidRequestError(detail, members={"errors": mistakes})
 
 
 def _respond(
@@ -94,32 +98,32 @@ def _respond(
     )
 
 
-def _expected(request: Request, error: Exception) -> ProblemResponse:
+def _render_foreseen(request: Request, error: Exception) -> ProblemResponse:
     kind = problem_type(error)
     if kind is INTERNAL:
-        return _unexpected(request, error)
+        return _render_unexpected(request, error)
     if isinstance(error, ServiceError):
         return _respond(kind, str(error), error.headers, **error.members)
     return _respond(kind, str(error))
 
 
-def _invalid_parameters(request: Request, error: Exception) -> ProblemResponse:
+def _render_invalid_parameters(request: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, RequestValidationError)  # noqa: S101
-    return _expected(request, invalid_request(error))
+    return _render_foreseen(request, invalid_request(error))
 
 
-def _http(request: Request, error: Exception) -> ProblemResponse:
+def _render_http_exception(request: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, HTTPException)  # noqa: S101
     headers = dict(error.headers or {})
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
-        headers["Allow"] = _allowed(request)
+        headers["Allow"] = _allowed_methods(request)
     status = HTTPStatus(error.status_code)
     kind = ProblemType(status.value, status.phrase.lower().replace(" ", "-"), status.phrase)
     return _respond(kind, status.description or status.phrase, headers)
 
 
-def _allowed(request: Request) -> str:
-    """All methods of the path; the router names those of one route of it only."""
+def _allowed_methods(request: Request) -> str:
+    """List the methods of all routes of the path; Starlette lists those of one route only."""
     path = request.url.path
     methods = [
         route.methods or set()
@@ -129,8 +133,9 @@ def _allowed(request: Request) -> str:
     return ", ".join(sorted(set().union(*methods)))
 
 
-def _unexpected(request: Request, error: Exception) -> ProblemResponse:
+def _render_unexpected(request: Request, error: Exception) -> ProblemResponse:
     log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
-    answer = _respond(INTERNAL, "The error was logged; the request can be sent again.")
-    protect(answer.headers, request.scope)  # it is made outside of the middleware that does so
-    return answer
+    response = _respond(INTERNAL, "The service logged an unexpected error; retry the request.")
+    # Starlette answers unexpected errors outside of the middleware
+    add_security_headers(response.headers, request.scope)
+    return response

@@ -1,4 +1,4 @@
-"""Waiting for a job without holding a thread."""
+"""Waiting for a job to end without holding a thread (`Prefer: wait`)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,24 @@ from service.runtime import Runtime
 
 
 async def wait_until_ended(
-    service: Runtime, tenant: str, job_id: str, wait_s: float
+    runtime: Runtime, tenant: str, job_id: str, timeout_s: float
 ) -> JobRow | None:
-    """The tenant's job once it has ended, or as it is after the wait; None when there is none."""
-    deadline, poll_s = time.monotonic() + wait_s, service.database.poll_interval_s
-    with service.notifier.watch(job_id, only_end=True) as changed:
+    """Wait until a job has ended or the service stops, for at most `timeout_s` seconds.
+
+    Returns
+    -------
+    JobRow or None
+        The job as it is then; None if the tenant has no such job.
+    """
+    deadline, poll_s = time.monotonic() + timeout_s, runtime.database.poll_interval_s
+    with runtime.notifier.watch(job_id, only_end=True) as changed:
         while True:
             changed.clear()
-            job = await run_in_threadpool(service.jobs.get, tenant, job_id)
-            left = deadline - time.monotonic()
-            over = job is None or is_terminal(job.status) or service.workers.is_stopped
-            if over or left <= 0:
+            job = await run_in_threadpool(runtime.jobs.get, tenant, job_id)
+            remaining_s = deadline - time.monotonic()
+            if job is None or is_terminal(job.status) or runtime.workers.is_stopped:
+                return job
+            if remaining_s <= 0:
                 return job
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(changed.wait(), min(left, poll_s))
+                await asyncio.wait_for(changed.wait(), min(remaining_s, poll_s))

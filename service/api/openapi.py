@@ -1,4 +1,4 @@
-"""The OpenAPI description of the app."""
+"""The OpenAPI description, served at /openapi.json."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from service.clouds.inputs import CLOUD_ROLES
 from service.schemas import Problem, RegistrationParameters, RegistrationRequest
 
 DESCRIPTION = """Rigid registration of 3-D point clouds from any starting pose.
@@ -20,19 +21,19 @@ REFERENCE = "#/components/schemas/{model}"
 BODY_MODELS: tuple[type[BaseModel], ...] = (RegistrationRequest, RegistrationParameters, Problem)
 
 
-def describe(app: FastAPI) -> None:
-    """Let the app describe itself, and serve that at /openapi.json."""
+def add_description(app: FastAPI) -> None:
+    """Set the OpenAPI description of the app and serve it at /openapi.json."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            app.openapi_schema = _description(app)
+            app.openapi_schema = _describe(app)
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]
     app.add_api_route("/openapi.json", openapi, include_in_schema=False)
 
 
-def _description(app: FastAPI) -> dict[str, Any]:
+def _describe(app: FastAPI) -> dict[str, Any]:
     schema = get_openapi(
         title="Registration of point clouds",
         version=version("mpe"),
@@ -44,42 +45,42 @@ def _description(app: FastAPI) -> dict[str, Any]:
         [(model, "validation") for model in BODY_MODELS], ref_template=REFERENCE
     )
     components = schema["components"]["schemas"] | bodies["$defs"]
-    components["RegistrationForm"] = _form(components["RegistrationParameters"])
+    components["RegistrationForm"] = _describe_form(components["RegistrationParameters"])
     for unused in ("HTTPValidationError", "ValidationError", "RegistrationParameters"):
         components.pop(unused, None)
     schema["components"]["schemas"] = dict(sorted(components.items()))
     for operations in schema["paths"].values():
         for operation in operations.values():
             operation["responses"].pop("422", None)
-            operation["responses"]["default"] = _problem_response()
+            operation["responses"]["default"] = _describe_problem()
             if "security" in operation:
-                operation["security"].append({})  # a service without keys asks for none
+                operation["security"].append({})  # a service without keys needs none
     return schema
 
 
-def _form(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The multipart form: two files, and the parameters as JSON."""
+def _describe_form(parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of the multipart form: two files, and the parameters as JSON."""
     cloud = {"type": "string", "format": "binary"}
     fields = parameters["properties"]
-    text, null = fields["callback_url"].pop("anyOf")  # no text says null: it is left out
+    text, null = fields["callback_url"].pop("anyOf")  # a form cannot say null: leave the field out
     assert null == {"type": "null"}  # noqa: S101
     fields["callback_url"] |= text
     return {
         "type": "object",
         "title": "RegistrationForm",
-        "description": "A registration of two uploaded files; other fields are JSON, but "
+        "description": "A registration of two uploaded files. The other fields are JSON, except "
         "callback_url, which is plain text.",
-        "required": ["source", "target"],
+        "required": list(CLOUD_ROLES),
         "additionalProperties": False,
         "properties": {
-            "source": cloud | {"description": "The cloud that is moved: the file."},
-            "target": cloud | {"description": "The cloud that stays: the file."},
+            "source": cloud | {"description": "File of the cloud that is moved."},
+            "target": cloud | {"description": "File of the cloud that stays in place."},
             **fields,
         },
     }
 
 
-def _problem_response() -> dict[str, Any]:
+def _describe_problem() -> dict[str, Any]:
     reference = {"$ref": REFERENCE.format(model=Problem.__name__)}
     return {
         "description": "What went wrong.",

@@ -1,8 +1,8 @@
-"""Where a request without a key may come from: not from a page of another site.
+"""Protection of a service without keys against web pages of other sites.
 
-Such a page runs in the browser of somebody who reaches the service. It can let its own name lead to
-the service's address (DNS rebinding), which `Host` then tells, or send forms to the service, which
-`Origin` tells. A key keeps both out: a page has none.
+A page in the browser of somebody who can reach the service may resolve its own host name to the
+service's address (DNS rebinding; the `Host` header shows it) or post forms to the service (CSRF;
+the `Origin` header shows it). Requests with a key need no such check: a page does not have one.
 """
 
 from __future__ import annotations
@@ -15,49 +15,49 @@ from fastapi import Request
 from service.problems import HostRefusedError, OriginRefusedError
 from service.settings import Settings
 
-CHANGES_NOTHING = ("GET", "HEAD", "OPTIONS")
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+"""Methods that change nothing (RFC 9110, 9.2.1)."""
 
 
 def check_origin(request: Request, settings: Settings) -> None:
-    """Check a request that has no key.
+    """Check Host and Origin of a request that has no key.
 
     Raises
     ------
     HostRefusedError
-        It calls the service by a name that is not localhost, a loopback address, or one of
-        MPE_ALLOWED_HOSTS. Where strangers are welcome (MPE_ALLOW_OPEN), any name will do unless
-        some are listed.
+        Its Host is neither localhost, nor a loopback address, nor listed in MPE_ALLOWED_HOSTS. With
+        MPE_ALLOW_OPEN any host is accepted as long as that list is empty.
     OriginRefusedError
-        It would change something, and is sent by a page that is neither the service's own nor of
+        Its method is not safe, and its Origin is neither the service itself nor listed in
         MPE_CORS_ORIGINS.
     """
     host, origin = (request.headers.get(name, "").lower() for name in ("host", "origin"))
-    if not _is_known(host, settings):
+    if not _is_allowed_host(host, settings):
         raise HostRefusedError(
-            "Without keys the service answers to localhost and to the names that "
-            "MPE_ALLOWED_HOSTS lists; add this one, or make a key with `mpe keys create`."
+            "Without keys the service accepts the host localhost and those in MPE_ALLOWED_HOSTS; "
+            "add this host there, or make a key with `mpe keys create`."
         )
-    if request.method in CHANGES_NOTHING or not origin or "*" in settings.cors_origins:
+    if request.method in SAFE_METHODS or not origin or "*" in settings.cors_origins:
         return
     if origin not in (f"http://{host}", f"https://{host}", *settings.cors_origins):
         raise OriginRefusedError(
-            "Without keys a page of another origin may change nothing; list its origin in "
+            "Without keys pages of other origins may only read; add this origin to "
             "MPE_CORS_ORIGINS, or make a key with `mpe keys create`."
         )
 
 
-def _is_known(host: str, settings: Settings) -> bool:
+def _is_allowed_host(host: str, settings: Settings) -> bool:
     if settings.allow_open and not settings.allowed_hosts:
         return True
     try:
         name = urlsplit(f"//{host}").hostname or ""
     except ValueError:
         return False
-    return name == "localhost" or name in settings.allowed_hosts or _is_loopback(name)
+    return name == "localhost" or name in settings.allowed_hosts or _is_loopback_address(name)
 
 
-def _is_loopback(name: str) -> bool:
-    """Whether it is such an address; a name is not asked where it leads."""
+def _is_loopback_address(name: str) -> bool:
+    """Whether the host is a loopback address; names are not resolved."""
     try:
         return ip_address(name).is_loopback
     except ValueError:

@@ -12,13 +12,13 @@ from pydantic import ValidationError
 
 from mpe_core import Registration, RegistrationError
 from service.cli.align_arguments import (
-    CLOUDS,
     add_options,
     add_reading,
     numbers_as_such,
     options_of,
 )
 from service.cli.key_arguments import add_keys
+from service.clouds.inputs import CLOUD_ROLES
 from service.clouds.transform import moved
 from service.formats import (
     WRITERS,
@@ -71,7 +71,7 @@ def _align(given: argparse.Namespace) -> int:
     try:
         options = options_of(given)
         ending = _ending(given.output)
-        source, target = (_read(role, given) for role in CLOUDS)
+        source, target = (_read(role, given) for role in CLOUD_ROLES)
         found = register(
             source.points,
             target.points,
@@ -110,9 +110,9 @@ def _read(role: str, given: argparse.Namespace) -> DecodedCloud:
 
 
 def _document(found: Registration) -> str:
-    from service.schemas.serialize_result import result_document
+    from service.schemas.serialize_result import render_result
 
-    return result_document(found).decode()
+    return render_result(found).decode()
 
 
 def _summary(source: DecodedCloud, target: DecodedCloud, found: Registration) -> str:

@@ -11,10 +11,10 @@ from typing import Any, get_args, get_type_hints
 from mpe_core import RegistrationOptions
 from mpe_core.options import Matrix, Vector
 from service.cli.pose_file import read_pose
-from service.schemas import Reading
-from service.schemas.options import Options
+from service.clouds.inputs import CLOUD_ROLES
+from service.schemas import Reading, describe_options
+from service.schemas.options import OPTION_NAMES
 
-CLOUDS = ("source", "target")
 _SMALL = re.compile(r"-\d*\.?\d*[eE][+-]?\d+")
 FILE = "FILE holds four lines of four numbers, or JSON with them as `transform`. "
 HINTS = get_type_hints(RegistrationOptions)
@@ -28,7 +28,7 @@ def numbers_as_such(words: Iterable[str]) -> list[str]:
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """--source-format and the like: one for each cloud and each field of a reading."""
     group = parser.add_argument_group("reading of the files")
-    for role in CLOUDS:
+    for role in CLOUD_ROLES:
         for name, field in Reading.model_fields.items():
             kind = int if int in get_args(field.annotation) else str
             group.add_argument(
@@ -42,14 +42,15 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """One --option for each option of a registration, with its own description and default."""
     group = parser.add_argument_group("options of the registration")
-    for name, field in Options.model_fields.items():
+    for name, schema in describe_options().items():
         form = _form(HINTS[name])
         file = FILE if form.get("metavar") == "FILE" else ""
-        description = f"{field.description} {file}Default: {field.default}.".replace("%", "%%")
+        default = schema["default"]
+        description = f"{schema['description']} {file}Default: {default}.".replace("%", "%%")
         group.add_argument(
             f"--{name.replace('_', '-')}",
             dest=name,
-            default=field.default,
+            default=default,
             help=description,
             **form,
         )
@@ -79,7 +80,7 @@ def options_of(given: argparse.Namespace) -> RegistrationOptions:
     OSError
         A file cannot be read.
     """
-    values = {name: getattr(given, name) for name in Options.model_fields}
+    values = {name: getattr(given, name) for name in OPTION_NAMES}
     return RegistrationOptions(
         **{name: read_pose(v) if isinstance(v, Path) else v for name, v in values.items()}
     )

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+CLOUD_ROLES = ("source", "target")
+"""The two clouds of a registration: the source is moved onto the target."""
+
 
 @dataclass(frozen=True, slots=True)
 class CloudInput:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import ColumnElement, Row, and_, delete, insert, select, update
@@ -63,6 +64,12 @@ class CloudStore:
             connection.execute(delete(clouds).where(_named(tenant, cloud_id)))
             connection.execute(insert(clouds).values(**asdict(cloud)))
         return cloud
+
+    def adopt(
+        self, tenant: str, cloud_id: str, path: Path, declared: str | None = None
+    ) -> StoredCloud:
+        """Store a finished file as `put` does; the file is moved away."""
+        return self.put(tenant, cloud_id, self._blobs.adopt(path), declared)
 
     def get(self, tenant: str, cloud_id: str) -> StoredCloud:
         """The tenant's cloud; UnknownCloudError when there is none."""

@@ -13,9 +13,10 @@ from uuid import uuid4
 
 from sqlalchemy import delete, insert, select, update
 
+from service.clouds.store import CloudStore
 from service.database.engine import Database
 from service.database.tables import uploads
-from service.problems import UnknownUploadError, UploadConflictError
+from service.problems import ServiceError, UnknownUploadError, UploadConflictError
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +37,11 @@ class Upload:
 class UploadStore:
     """Uploads in the database, their bytes in files; one that lies still is dropped."""
 
-    def __init__(self, database: Database, directory: Path, *, retention_s: float) -> None:
+    def __init__(
+        self, database: Database, clouds: CloudStore, directory: Path, *, retention_s: float
+    ) -> None:
         self._database = database
+        self._clouds = clouds
         self._directory = directory
         self._retention_s = retention_s
         directory.mkdir(exist_ok=True)
@@ -95,9 +99,20 @@ class UploadStore:
         except FileNotFoundError as error:
             raise _unknown() from error
 
-    def extend(self, upload: Upload, *, complete: bool) -> Upload:
-        """Give it one more period to live, and record whether it has become a cloud."""
-        values = {"is_complete": complete, "expires_at": time.time() + self._retention_s}
+    def finish_piece(self, upload: Upload) -> Upload:
+        """Finish a piece: turn an upload that is complete into the cloud of the same id.
+
+        It gets one more retention period either way. An upload that is not a cloud is removed, and
+        the error of `CloudStore.put` raised.
+        """
+        is_complete = self.offset(upload) == upload.length
+        if is_complete:
+            try:
+                self._clouds.adopt(upload.tenant, upload.id, self.path(upload), upload.format)
+            except (ServiceError, ValueError):
+                self.remove(upload)
+                raise
+        values = {"is_complete": is_complete, "expires_at": time.time() + self._retention_s}
         change = update(uploads).where(uploads.c.id == upload.id).values(**values)
         with self._database.write() as connection:
             connection.execute(change)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeVar
 
 from sqlalchemy import Select, Table, and_, or_, select
 
@@ -34,6 +35,15 @@ def select_page(table: Table, *, before: Place | None, limit: int) -> Select[Any
     created_at, row_id = before
     same_time = and_(created == created_at, key < row_id)
     return query.where(or_(created < created_at, same_time))
+
+
+RowT = TypeVar("RowT", bound=Paged)
+
+
+def cut_page(rows: Sequence[RowT], limit: int) -> tuple[Sequence[RowT], str | None]:
+    """Return the first `limit` rows, and the cursor of the next page if there are more rows."""
+    has_more = len(rows) > limit
+    return rows[:limit], encode_cursor(rows[limit - 1]) if has_more else None
 
 
 def encode_cursor(item: Paged) -> str:

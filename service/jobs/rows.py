@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Row, func, select
 
-from service.clouds.inputs import CloudInput
+from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.database.tables import jobs
 from service.jobs.model import JobRow, JobStatus
 
@@ -14,7 +14,7 @@ from service.jobs.model import JobRow, JobStatus
 def job_from_row(row: Row[Any]) -> JobRow:
     """Convert a row with all columns of the jobs table."""
     values = dict(row._mapping)
-    for role in ("source", "target"):
+    for role in CLOUD_ROLES:
         values[role] = CloudInput(**values[role])
     return JobRow(**values)
 

@@ -1,14 +1,16 @@
-"""What the API takes and gives; the unit of each quantity is in its description."""
+"""Pydantic models of the API; the description of a field states its unit."""
 
 from __future__ import annotations
 
 from service.schemas.base import (
-    Document,
     Problem,
+    ResponseModel,
+    StrictModel,
 )
 from service.schemas.registration import (
     CloudInfo,
     Delivery,
+    DeliveryAttempt,
     DeliveryList,
     Event,
     Job,
@@ -17,7 +19,6 @@ from service.schemas.registration import (
     Progress,
     Stage,
     Timing,
-    Try,
 )
 from service.schemas.requests import (
     CloudReference,
@@ -27,6 +28,7 @@ from service.schemas.requests import (
     Readings,
     RegistrationParameters,
     RegistrationRequest,
+    describe_options,
 )
 from service.schemas.resources import (
     Capacity,
@@ -35,10 +37,10 @@ from service.schemas.resources import (
     FormatInfo,
     FormatList,
     Health,
-    Share,
+    TenantUsage,
 )
 from service.schemas.result import (
-    INLINE_PAIRS,
+    MAX_INLINE_PAIRS,
     InlierList,
     InlierSummary,
     Result,
@@ -46,15 +48,15 @@ from service.schemas.result import (
 )
 
 __all__ = [
-    "INLINE_PAIRS",
+    "MAX_INLINE_PAIRS",
     "Capacity",
     "Cloud",
     "CloudInfo",
     "CloudPage",
     "CloudReference",
     "Delivery",
+    "DeliveryAttempt",
     "DeliveryList",
-    "Document",
     "Event",
     "FormatInfo",
     "FormatList",
@@ -72,10 +74,12 @@ __all__ = [
     "Readings",
     "RegistrationParameters",
     "RegistrationRequest",
+    "ResponseModel",
     "Result",
     "Rotation",
-    "Share",
     "Stage",
+    "StrictModel",
+    "TenantUsage",
     "Timing",
-    "Try",
+    "describe_options",
 ]

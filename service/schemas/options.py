@@ -1,24 +1,25 @@
-"""The options of a registration as the API takes them: one field for each field of mpe_core's."""
+"""The `options` of a request: `mpe_core.RegistrationOptions`, read from JSON by pydantic.
+
+The dataclass itself is the model: pydantic takes its fields, defaults and attribute docstrings, and
+runs its checks. As a standard dataclass it inherits the config of the model that contains it, so
+`Options` belongs in a `StrictModel`. This module adds what JSON needs: lists in place of tuples,
+messages that name the expected shape, and bounds in the published schema.
+"""
 
 from __future__ import annotations
 
-import ast
-import dataclasses
-import inspect
-import textwrap
-from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, Self, get_type_hints
+from dataclasses import fields
+from typing import Annotated, Any, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BeforeValidator, GetJsonSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from mpe_core.options import Matrix, RegistrationOptions, Vector
-from service.schemas.arrays import GivenMatrix, GivenVector
+from service.schemas.base import check_field_names, whole_as_int
 
-EXACT = 2**53
-"""Below it, a float that is whole is exactly that whole number."""
-# what mpe_core checks, said in the schema too
-BOUNDS: dict[str, dict[str, Any]] = {
+OPTION_NAMES = tuple(field.name for field in fields(RegistrationOptions))
+
+SCHEMA_BOUNDS: dict[str, dict[str, float]] = {
     "sample_size": {"minimum": 3},
     "overlap": {"exclusiveMinimum": 0, "maximum": 1},
     "inlier_threshold": {"exclusiveMinimum": 0},
@@ -26,92 +27,76 @@ BOUNDS: dict[str, dict[str, Any]] = {
     "max_iterations": {"minimum": 1},
     "seed": {"minimum": 0},
 }
+"""Bounds that the schema publishes; RegistrationOptions enforces them, a test compares the two."""
 
-# JSON has lists where mpe_core has tuples
-AS_JSON: dict[Any, Any] = {Vector | None: GivenVector, Matrix | None: GivenMatrix}
+_HINTS = get_type_hints(RegistrationOptions)
+_SHAPES: dict[Any, tuple[tuple[int, ...], str]] = {
+    Vector | None: ((3,), "a list of 3 numbers, x, y, z, or null"),
+    Matrix | None: ((4, 4), "a list of 4 rows of 4 numbers, or null"),
+}
 
 
-class StrictModel(BaseModel):
-    """Input of a caller: no unknown fields, no coercion, no NaN or infinity."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_fields(cls, value: object) -> object:
-        """Refuse an unknown field by naming the nearest known one; the input is not repeated."""
-        known = list(cls.model_fields)
-        for name in value if isinstance(value, dict) else ():
-            if name not in known:
-                near = get_close_matches(str(name), known, n=1)
-                hint = f"; did you mean '{near[0]}'?" if near else ""
-                raise PydanticCustomError(
-                    "unknown_field",
-                    "there is an unknown field{hint} The fields are: {known}",
-                    {"hint": hint or ".", "known": ", ".join(known)},
-                )
+def _from_json(value: object) -> object:
+    """Check names and shapes, and turn lists into the tuples that RegistrationOptions has."""
+    if not isinstance(value, dict):
         return value
-
-    @model_validator(mode="before")
-    @classmethod
-    def _whole_numbers(cls, value: object) -> object:
-        """JSON has one kind of number: 12.0 is the whole number 12."""
-        if not isinstance(value, dict):
-            return value
-        return {name: _whole(item) for name, item in value.items()}
+    check_field_names(value, OPTION_NAMES)
+    errors = [_shape_error(name) for name, item in value.items() if not _has_shape(name, item)]
+    if errors:
+        raise ValidationError.from_exception_data("options", errors)
+    return {name: _as_tuple(item) for name, item in value.items()}
 
 
-def _whole(value: object) -> object:
-    if isinstance(value, float) and value.is_integer() and abs(value) < EXACT:
-        return int(value)
-    return value
+def _has_shape(name: str, value: object) -> bool:
+    shape, _ = _SHAPES.get(_HINTS[name], ((), ""))
+    return value is None or _is_nested_list(value, shape)
 
 
-class _CheckedOptions(StrictModel):
-    @model_validator(mode="after")
-    def _within_ranges(self) -> Self:
-        RegistrationOptions(**self.model_dump())
-        return self
+def _is_nested_list(value: object, shape: tuple[int, ...]) -> bool:
+    if not shape:
+        return True
+    if not isinstance(value, list) or len(value) != shape[0]:
+        return False
+    return all(_is_nested_list(item, shape[1:]) for item in value)
 
 
-def _attribute_docs(owner: type) -> dict[str, str]:
-    """The string below each annotated attribute of the class."""
-    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-    assert isinstance(definition, ast.ClassDef)  # noqa: S101
-    docs: dict[str, str] = {}
-    for statement, following in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(statement, ast.AnnAssign) and isinstance(following, ast.Expr):
-            name, text = ast.unparse(statement.target), ast.literal_eval(following.value)
-            docs[name] = " ".join(text.split())
-    return docs
+def _shape_error(name: str) -> InitErrorDetails:
+    _, expected = _SHAPES[_HINTS[name]]
+    error = PydanticCustomError("shape", "expected {expected}", {"expected": expected})
+    return InitErrorDetails(type=error, loc=(name,), input=None)
 
 
-def _options_model() -> type[_CheckedOptions]:
-    docs = _attribute_docs(RegistrationOptions)
-    hints = get_type_hints(RegistrationOptions, include_extras=True)
-    fields: dict[str, Any] = {
-        field.name: (
-            AS_JSON.get(hints[field.name], hints[field.name]),
-            Field(
-                field.default,
-                description=docs[field.name],
-                json_schema_extra=BOUNDS.get(field.name),
-            ),
-        )
-        for field in dataclasses.fields(RegistrationOptions)
-    }
-    return create_model(
-        "Options",
-        __base__=_CheckedOptions,
-        __doc__="How to register.",
-        __module__=__name__,
-        **fields,
-    )
+def _as_tuple(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_as_tuple(item) for item in value)
+    return whole_as_int(value)
 
 
-if TYPE_CHECKING:
+class _JsonSchema:
+    """Annotation that completes the JSON schema of the options."""
 
-    class Options(_CheckedOptions):
-        """How to register."""
-else:
-    Options = _options_model()
+    @staticmethod
+    def __get_pydantic_json_schema__(
+        core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        reference = handler(core_schema)
+        schema = handler.resolve_ref_schema(reference)
+        schema["description"] = "How to register."
+        for name, option in schema["properties"].items():
+            option["description"] = " ".join(option["description"].split())
+            option |= SCHEMA_BOUNDS.get(name, {}) | _list_schemas(option)
+        return reference
+
+
+def _list_schemas(schema: dict[str, Any]) -> dict[str, Any]:
+    """Describe a tuple of equal items as a list: `items` is more widely understood."""
+    schema = dict(schema)
+    if "anyOf" in schema:
+        schema["anyOf"] = [_list_schemas(choice) for choice in schema["anyOf"]]
+    if "prefixItems" in schema:
+        schema["items"] = _list_schemas(schema.pop("prefixItems")[0])
+    return schema
+
+
+Options = Annotated[RegistrationOptions, BeforeValidator(_from_json), _JsonSchema]
+"""Type of the field `options` of a request."""

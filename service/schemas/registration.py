@@ -1,4 +1,4 @@
-"""A registration as the API shows it, and what happens to it."""
+"""Models of a registration, its events and its webhook deliveries."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from service.jobs.model import DeliveryStatus, JobStatus
-from service.schemas.base import Document, Problem
+from service.schemas.base import Problem, RedactedUrl, ResponseModel
 from service.schemas.result import Result
 
 Stage = Annotated[
     str,
     Field(
-        description="What is being done: queued, fetch, decode, prepare, search, refine, inliers, "
+        description="What it is doing: queued, fetch, decode, prepare, search, refine, inliers or "
         "finished; later releases may add stages."
     ),
 ]
+"""Stage of a registration; a plain string, so that a new stage breaks no client."""
+
 EXAMPLE: dict[str, Any] = {
     "id": "0f8c1f0e-6a55-4a0b-9d53-0d9a0a1f7a11",
     "status": "succeeded",
@@ -62,37 +64,37 @@ EXAMPLE: dict[str, Any] = {
 }
 
 
-class Progress(Document):
-    """How far the registration is."""
+class Progress(ResponseModel):
+    """How far a registration has come."""
 
     stage: Stage
-    fraction: float = Field(ge=0, le=1, description="Share of the whole that is done, in [0, 1].")
+    fraction: float = Field(ge=0, le=1, description="Fraction of the work that is done, in [0, 1].")
 
 
-class Event(Document):
-    """A registration as it was after one change."""
+class Event(ResponseModel):
+    """State of a registration after one change."""
 
-    at: datetime = Field(description="When it changed (UTC).")
+    at: datetime = Field(description="Time of the change (UTC).")
     status: JobStatus
     stage: Stage
-    fraction: float = Field(ge=0, le=1, description="Share of the whole that is done, in [0, 1].")
+    fraction: float = Field(ge=0, le=1, description="Fraction of the work that is done, in [0, 1].")
 
 
-class CloudInfo(Document):
-    """Where a cloud came from."""
+class CloudInfo(ResponseModel):
+    """Where a cloud comes from and how it is decoded."""
 
-    sha256: str | None = Field(description="Hash of the file, once the service has it.")
-    size: int | None = Field(description="Length of the file in bytes, once the service has it.")
-    url: str | None = Field(
-        description="Address that it is fetched from, if any; without its query, which may hold a "
-        "signature."
+    sha256: str | None = Field(description="SHA-256 of the file; null until it is fetched.")
+    size: int | None = Field(description="Size of the file in bytes; null until it is fetched.")
+    url: RedactedUrl | None = Field(
+        description="URL that it is fetched from, without its query, which may hold a signature; "
+        "null for an uploaded or stored cloud."
     )
-    cloud: str | None = Field(description="Id of the stored cloud that it is, if any.")
-    reading: dict[str, Any] = Field(description="How it is read, as far as that was said.")
+    cloud: str | None = Field(description="Id of the stored cloud; null if it is not one.")
+    reading: dict[str, Any] = Field(description="How the file is decoded, as the request says.")
 
 
-class Timing(Document):
-    """Seconds spent, each null until known; later releases may add stages."""
+class Timing(ResponseModel):
+    """Duration of each stage; null until it is known. Later releases may add stages."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -107,71 +109,79 @@ class Timing(Document):
     total_s: float | None = Field(None, description="From acceptance to the end, in seconds.")
 
 
-class JobSummary(Document):
+class JobSummary(ResponseModel):
     """A registration without its result."""
 
-    id: str = Field(description="Name of the registration.")
-    status: JobStatus = Field(description="queued, running, or how it ended.")
-    created_at: datetime = Field(description="When it was accepted (UTC).")
-    started_at: datetime | None = Field(description="When the last attempt began (UTC).")
-    finished_at: datetime | None = Field(description="When it ended (UTC).")
+    id: str = Field(description="Id of the registration.")
+    status: JobStatus = Field(description="queued, running, succeeded, failed or cancelled.")
+    created_at: datetime = Field(description="Time of acceptance (UTC).")
+    started_at: datetime | None = Field(description="Start of the last attempt (UTC).")
+    finished_at: datetime | None = Field(description="Time of the end (UTC).")
     attempt: int = Field(ge=0, description="Number of the last attempt; 0 before the first.")
     progress: Progress
     source: CloudInfo
     target: CloudInfo
     options: dict[str, Any] = Field(description="Every option, defaults filled in.")
-    labels: dict[str, str] = Field(description="As the caller gave them.")
-    priority: int = Field(description="As the caller gave it.")
-    deadline_at: datetime | None = Field(description="When it is given up (UTC).")
-    callback_url: str | None = Field(
-        description="As the caller gave it, without its query: that may hold a secret."
+    labels: dict[str, str] = Field(description="Labels of the request.")
+    priority: int = Field(description="Priority of the request.")
+    deadline_at: datetime | None = Field(
+        description="Time at which the service stops working on it (UTC)."
     )
-    cached: bool = Field(description="Whether the result is that of the same work done before.")
+    callback_url: RedactedUrl | None = Field(
+        description="callback_url of the request, without its query, which may hold a secret."
+    )
+    cached: bool = Field(description="Whether the result is reused from an equal registration.")
     result_expires_at: datetime | None = Field(
-        description="When result and clouds are dropped (UTC); known once it has ended."
+        description="Time at which result and clouds are deleted (UTC); null until it has ended."
     )
     expires_at: datetime | None = Field(
-        description="When the registration itself is dropped (UTC); known once it has ended."
+        description="Time at which the registration is deleted (UTC); null until it has ended."
     )
     timing: Timing
-    warnings: list[str] = Field(description="What was odd about the input or the result.")
-    error: Problem | None = Field(description="Why it failed.")
+    warnings: list[str] = Field(description="Oddities of the input or the result.")
+    error: Problem | None = Field(description="Why it failed; null unless it did.")
 
 
 class Job(JobSummary):
-    """A registration."""
+    """A registration with its result."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
-    result: Result | None = Field(description="The pose, once the registration has succeeded.")
+    result: Result | None = Field(description="The pose; null unless the registration succeeded.")
 
 
-class JobPage(Document):
-    """Registrations, newest first."""
+class JobPage(ResponseModel):
+    """One page of registrations, newest first."""
 
     items: list[JobSummary]
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page.")
+    next_cursor: str | None = Field(
+        description="Value of `cursor` for the next page; null on the last page."
+    )
 
 
-class Try(Document):
-    """One call."""
+class DeliveryAttempt(ResponseModel):
+    """One request to the callback_url."""
 
-    at: datetime = Field(description="When it was made (UTC).")
-    status_code: int | None = Field(description="HTTP status of the answer; null: none came.")
-    error: str | None = Field(description="Why no answer came.")
+    at: datetime = Field(description="Time of the request (UTC).")
+    status_code: int | None = Field(
+        description="HTTP status of the response; null if there was none."
+    )
+    error: str | None = Field(description="Why there was no response; null if there was one.")
 
 
-class Delivery(Document):
-    """A message to the callback_url of a registration."""
+class Delivery(ResponseModel):
+    """A webhook message to the callback_url of a registration."""
 
-    id: str = Field(description="Name of the message; the same in each try (Webhook-Id).")
+    id: str = Field(description="Id of the message, the same in every try (Webhook-Id).")
     status: DeliveryStatus
-    created_at: datetime = Field(description="When it was planned (UTC).")
-    next_at: datetime | None = Field(description="When it is tried next (UTC).")
-    tries: list[Try]
+    created_at: datetime = Field(description="Time at which it was scheduled (UTC).")
+    next_at: datetime | None = Field(
+        description="Time of the next try (UTC); null if there is none."
+    )
+    tries: list[DeliveryAttempt]
 
 
-class DeliveryList(Document):
-    """The messages of a registration, oldest first."""
+class DeliveryList(ResponseModel):
+    """Webhook messages of a registration, oldest first."""
 
     items: list[Delivery]

@@ -1,4 +1,4 @@
-"""What a caller asks for; nothing unknown, nothing of the wrong kind."""
+"""Models of what a caller sends."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, StringConstraints, model_validator
 
+from mpe_core import RegistrationOptions
 from service.formats import FORMATS
-from service.schemas.options import Options, StrictModel
+from service.schemas.base import StrictModel
+from service.schemas.options import Options
 
 Address = Field(max_length=8192, json_schema_extra={"format": "uri"})
 FORMAT_NAMES = tuple(item.name for item in FORMATS)
@@ -30,38 +32,38 @@ FormatName = Annotated[
 
 
 def _only(name: str) -> dict[str, Any]:
-    """Schema of an object in which, of `cloud` and `url`, only this one is said."""
+    """Return the JSON schema of an object with one of `cloud` and `url`, the other null."""
     kinds = {other: {"type": "string" if other == name else "null"} for other in ("cloud", "url")}
     return {"required": [name], "properties": kinds}
 
 
 class CloudReference(StrictModel):
-    """A cloud that the service has or fetches: either `cloud` or `url`."""
+    """Reference to a stored cloud (`cloud`) or to a file to fetch (`url`); exactly one of them."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [_only("cloud"), _only("url")]})
 
     cloud: str | None = Field(None, max_length=64, description="Id of a stored cloud.")
     url: Annotated[str, Address, Field(pattern="^(https?|s3)://")] | None = Field(
         None,
-        description="http or https address of the public network, or s3://bucket/key, as far as "
-        "the settings allow it. Queries are not shown again.",
+        description="http or https URL of a public host, or s3://bucket/key, if the settings "
+        "of the service allow it. Responses never repeat its query.",
         examples=["https://scans.example.org/door-2.ply"],
     )
 
     @model_validator(mode="after")
     def _either(self) -> Self:
         if (self.cloud is None) == (self.url is None):
-            raise ValueError("give either cloud or url")
+            raise ValueError("expected exactly one of cloud and url")
         return self
 
 
 class Reading(StrictModel):
-    """How to read a file, where its content does not tell."""
+    """How to decode a file, where its content does not tell."""
 
     format: FormatName | None = Field(
         default=None,
-        description="Name of its format, one of GET /v1/formats; null: by its content. Only "
-        "`kitti`, which has no header, needs it.",
+        description="Name of its format, one of GET /v1/formats; null: detected from the content. "
+        "Only `kitti`, which has no header, needs it.",
     )
     scan: int | None = Field(
         default=None,
@@ -77,49 +79,61 @@ class Reading(StrictModel):
     )
     weights: Annotated[str, StringConstraints(pattern=r"^[^\x00]{1,256}$")] | None = Field(
         default=None,
-        description="Name of the attribute of the file that says how much each point counts beside "
-        "the others, to any method: a number of 0 or more; points of 0 have no say in the pose. In "
-        "PLY, PCD, LAS, LAZ, text with named columns, NPY with fields, NPZ. null: all count the "
-        "same.",
+        description="Name of the per-point attribute with the weight of each point, a number of 0 "
+        "or more; points of weight 0 do not affect the pose. Any method uses it. For PLY, PCD, "
+        "LAS, LAZ, text with named columns, NPY with fields, NPZ. null: equal weights.",
     )
 
 
 class Readings(StrictModel):
-    """How to read the two files."""
+    """How to decode the two files."""
 
-    source: Reading = Field(default=Reading(), description="How to read the source.")
-    target: Reading = Field(default=Reading(), description="How to read the target.")
+    source: Reading = Field(default=Reading(), description="How to decode the source.")
+    target: Reading = Field(default=Reading(), description="How to decode the target.")
 
 
 class RegistrationParameters(StrictModel):
-    """What is said about a registration beside its two clouds."""
+    """Parameters of a registration beside its two clouds."""
 
-    options: Options = Field(default_factory=Options, description="How to register.")
+    options: Options = Field(default_factory=RegistrationOptions, description="How to register.")
     reading: Readings = Field(
         default=Readings(),
-        description="How to read the files, where their content does not tell.",
+        description="How to decode the files, where their content does not tell.",
         examples=[{"source": {"format": "kitti"}, "target": {"surface_samples": 20000}}],
     )
     labels: Labels = Field(
         default_factory=dict,
-        description="Up to 16 words of the caller's own, given back and searched for in the list.",
+        description="Up to 16 name-value pairs of the caller; the list can be filtered by them.",
         examples=[{"part": "door-2"}],
     )
     priority: int = Field(
-        0, ge=-100, le=100, description="Among the waiting, the highest goes first; no unit."
+        0,
+        ge=-100,
+        le=100,
+        description="Waiting registrations start in order of priority, highest first.",
     )
     deadline_s: float | None = Field(
-        None, gt=0, le=604_800, description="Give up after this long from now, in seconds."
+        None,
+        gt=0,
+        le=604_800,
+        description="Time after acceptance at which the service gives up, in seconds.",
     )
     callback_url: Annotated[str, Address, Field(pattern="^https?://")] | None = Field(
         None,
-        description="Called with a signed POST when the registration has ended; http or https, on "
-        "a host that MPE_WEBHOOK_HOSTS names.",
+        description="URL that receives a signed POST when the registration has ended; http or "
+        "https, on a host that MPE_WEBHOOK_HOSTS lists.",
     )
 
 
 class RegistrationRequest(RegistrationParameters):
-    """A registration of two clouds that the service can reach by itself."""
+    """A registration of two clouds that are stored or can be fetched."""
 
     source: CloudReference = Field(description="The cloud that is moved.")
     target: CloudReference = Field(description="The cloud that stays.")
+
+
+def describe_options() -> dict[str, dict[str, Any]]:
+    """Return the JSON schema of each registration option, by name."""
+    definitions = RegistrationParameters.model_json_schema()["$defs"]
+    properties: dict[str, dict[str, Any]] = definitions[RegistrationOptions.__name__]["properties"]
+    return properties

@@ -1,4 +1,4 @@
-"""What the service has and can do."""
+"""Models of stored clouds, formats, capacity and health."""
 
 from __future__ import annotations
 
@@ -7,70 +7,80 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.base import Document
+from service.schemas.base import ResponseModel
 
 
-class Cloud(Document):
-    """A stored cloud; refer to it as {"cloud": id}."""
+class Cloud(ResponseModel):
+    """A stored cloud; a registration refers to it as {"cloud": id}."""
 
-    id: str = Field(description="Name of the cloud.")
-    sha256: str = Field(description="Hash of the file.")
-    size: int = Field(description="Length of the file in bytes.")
-    format: str = Field(description="What the file begins like; it has not been decoded.")
-    created_at: datetime = Field(description="When it was stored (UTC).")
-    expires_at: datetime = Field(description="When it is dropped unless it is used (UTC).")
+    id: str = Field(description="Id of the cloud.")
+    sha256: str = Field(description="SHA-256 of the file.")
+    size: int = Field(description="Size of the file in bytes.")
+    format: str = Field(
+        description="Format, from the first bytes of the file or as declared; not decoded yet."
+    )
+    created_at: datetime = Field(description="Time at which it was stored (UTC).")
+    expires_at: datetime = Field(
+        description="Time at which it is deleted unless it is used before (UTC)."
+    )
 
 
-class CloudPage(Document):
-    """Clouds, newest first."""
+class CloudPage(ResponseModel):
+    """One page of clouds, newest first."""
 
     items: list[Cloud]
-    next_cursor: str | None = Field(description="Give it as `cursor` for the next page.")
+    next_cursor: str | None = Field(
+        description="Value of `cursor` for the next page; null on the last page."
+    )
 
 
-class FormatInfo(Document):
-    """A format that is read."""
+class FormatInfo(ResponseModel):
+    """A file format that the service reads."""
 
-    name: str = Field(description="Its name.")
-    title: str = Field(description="What is read of it.")
-    extensions: list[str] = Field(description="Usual ends of file names; the content decides.")
-    declared: bool = Field(description="Whether it is only read if `reading` names it.")
+    name: str = Field(description="Name of the format.")
+    title: str = Field(description="What the service reads of it.")
+    extensions: list[str] = Field(
+        description="Usual file extensions; the content of a file decides, not its name."
+    )
+    declared: bool = Field(
+        description="Whether `reading` has to name the format: the content does not tell."
+    )
     choices: list[str] = Field(description="Fields of `reading` that apply to it.")
 
 
-class FormatList(Document):
-    """All formats that are read."""
+class FormatList(ResponseModel):
+    """All formats that the service reads."""
 
     items: list[FormatInfo]
 
 
-class Share(Document):
-    """What the caller's tenant uses and may use; null: no limit."""
+class TenantUsage(ResponseModel):
+    """What the caller's tenant uses, and its limits; a limit of null: none."""
 
-    requests_per_s: float | None = Field(description="Requests with this key, per second.")
-    queued: int = Field(description="Its registrations that wait; a count.")
-    queue_limit: int | None = Field(description="Its registrations that may wait; a count.")
-    stored_bytes: int = Field(description="What is kept for it or arrives, in bytes.")
-    stored_bytes_limit: int | None = Field(description="What may be kept for it, in bytes.")
+    requests_per_s: float | None = Field(description="Limit of requests per second with this key.")
+    queued: int = Field(description="Number of its waiting registrations.")
+    queue_limit: int | None = Field(description="Limit of its waiting registrations.")
+    stored_bytes: int = Field(description="Bytes stored for it or being uploaded.")
+    stored_bytes_limit: int | None = Field(description="Limit of its stored bytes.")
 
 
-class Capacity(Document):
-    """What the service can take on."""
+class Capacity(ResponseModel):
+    """Load and limits of the service."""
 
-    workers: int = Field(description="Registrations that run at once; a count.")
-    threads_per_worker: int = Field(description="Threads of one registration; a count.")
-    running: int = Field(description="Registrations that run; a count.")
-    free: int = Field(description="Workers that have nothing to do; a count.")
-    queued: int = Field(description="Registrations that wait; a count.")
-    queue_limit: int = Field(description="Registrations that may wait; a count.")
+    workers: int = Field(description="Number of registrations that can run at once.")
+    threads_per_worker: int = Field(description="Number of threads of one registration.")
+    running: int = Field(description="Number of running registrations.")
+    free: int = Field(description="Number of idle workers.")
+    queued: int = Field(description="Number of waiting registrations.")
+    queue_limit: int = Field(description="Limit of waiting registrations.")
     max_body_bytes: int = Field(description="Largest request body, in bytes.")
-    max_wait_s: float = Field(description="Longest wait that is granted, in seconds.")
-    job_timeout_s: float = Field(description="Longest run of one attempt, in seconds.")
-    job_memory_bytes: int = Field(description="Memory that one attempt may take, in bytes.")
-    share: Share
+    max_wait_s: float = Field(description="Longest `Prefer: wait`, in seconds.")
+    job_timeout_s: float = Field(description="Time limit of one attempt, in seconds.")
+    job_memory_bytes: int = Field(description="Memory limit of one attempt, in bytes.")
+    share: TenantUsage
 
 
-class Health(Document):
+class Health(ResponseModel):
     """Whether the service works."""
 
     status: Literal["ok"] = "ok"

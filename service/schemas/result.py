@@ -1,46 +1,44 @@
-"""The pose of the source in the target's frame, and what supports it."""
+"""Models of the result of a registration: pose, confidence, covariance, inliers."""
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import Field
 
-from service.schemas.arrays import Matrix, Motion, Row, Vector
-from service.schemas.base import Document
+from service.schemas.arrays import IndexPair, Matrix4x4, Matrix6x6, Vector3, Vector4, Vector6
+from service.schemas.base import ResponseModel
 
-INLINE_PAIRS = 100_000
-Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
+MAX_INLINE_PAIRS = 100_000
+"""Most inlier pairs that the result itself holds; `.../inliers` returns any number."""
 
 
-class Rotation(Document):
-    """The rotation of the transform in other words."""
+class Rotation(ResponseModel):
+    """The rotation of the transform as a quaternion and an angle."""
 
-    quaternion_xyzw: Row = Field(description="Unit quaternion x, y, z, w with w >= 0; no unit.")
+    quaternion_xyzw: Vector4 = Field(description="Unit quaternion x, y, z, w with w >= 0; no unit.")
     angle_deg: float = Field(ge=0, le=180, description="Angle of the rotation in degrees.")
 
 
-class InlierSummary(Document):
-    """Pairs of points closer than the threshold at the final pose."""
+class InlierSummary(ResponseModel):
+    """Pairs of points that are closer than the threshold at the final pose."""
 
     count: int = Field(ge=0, description="Number of pairs.")
     ratio: float = Field(ge=0, le=1, description="Share of the source points that are in a pair.")
     threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
-    pairs: list[Pair] | None = Field(
+    pairs: list[IndexPair] | None = Field(
         description="[source index, target index] of each pair, counted from 0 in the order of the "
-        f"files; null above {INLINE_PAIRS:,} pairs: fetch .../inliers then."
+        f"files; null above {MAX_INLINE_PAIRS:,} pairs: fetch .../inliers then."
     )
 
 
-class Result(Document):
+class Result(ResponseModel):
     """The pose of the source in the target's frame, and how far to trust it."""
 
-    transform: Matrix = Field(
+    transform: Matrix4x4 = Field(
         description="4x4 rigid transform, row-major, for column vectors: "
         "x_target = R x_source + t; the last column in the input's unit."
     )
     rotation: Rotation
-    translation: Vector = Field(description="t of the transform, in the input's unit.")
+    translation: Vector3 = Field(description="t of the transform, in the input's unit.")
     overlap: float = Field(
         ge=0, le=1, description="Share of the source points with a counterpart in the target."
     )
@@ -55,16 +53,16 @@ class Result(Document):
     ambiguous: bool = Field(
         description="Whether another pose fits as well: the shape is symmetric or slides on itself."
     )
-    alternatives: list[Matrix] = Field(
+    alternatives: list[Matrix4x4] = Field(
         description="Those other poses, as `transform`; some of them if there are infinitely many."
     )
-    covariance: Annotated[list[Motion], Field(min_length=6, max_length=6)] = Field(
+    covariance: Matrix6x6 = Field(
         description="6x6 covariance of the error of the pose as a small motion: rotation vector "
         "about the moved source's centroid (weighted as its points are) in radians, then "
         "translation in the input's unit, along the target's axes. It covers noise and misfit, not "
         "a wrong pose; along free directions it says a radian or a radius of the smaller cloud."
     )
-    free_directions: list[Motion] = Field(
+    free_directions: list[Vector6] = Field(
         description="Such motions that nothing resists, because the surfaces slide on themselves: "
         "none for most shapes, one along a street, three for a plane or a sphere."
     )
@@ -73,10 +71,10 @@ class Result(Document):
     inliers: InlierSummary
 
 
-class InlierList(Document):
-    """All inlier pairs, by source index."""
+class InlierList(ResponseModel):
+    """All inlier pairs, ordered by source index."""
 
     count: int = Field(ge=0, description="Number of pairs.")
     threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
-    pairs: list[Pair] = Field(description="[source index, target index] of each pair.")
+    pairs: list[IndexPair] = Field(description="[source index, target index] of each pair.")
     distances: list[float] = Field(description="Distance of each pair, in the input's unit.")

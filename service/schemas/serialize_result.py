@@ -1,19 +1,27 @@
-"""A finished registration as the documents that the API serves."""
+"""Results of `mpe_core.register`, rendered for the API."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as SciPyRotation
 
 from mpe_core import Inliers, Registration
-from service.schemas import INLINE_PAIRS, InlierSummary, Result, Rotation
+from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, Rotation
 
 INLIER_DTYPE = np.dtype([("source", "<i8"), ("target", "<i8"), ("distance", "<f8")])
+"""Row of the inliers' .npy file."""
+
+ROWS_PER_CHUNK = 50_000
+"""Inlier rows rendered at once, to bound the memory of a response."""
 
 
-def result_document(found: Registration) -> bytes:
-    """JSON of the `result` of a job."""
+def render_result(found: Registration) -> bytes:
+    """Render the `result` of a job as JSON."""
     T = found.T_target_source
     rotation = SciPyRotation.from_matrix(T[:3, :3])
     return (
@@ -35,7 +43,7 @@ def result_document(found: Registration) -> bytes:
             free_directions=found.free_directions.tolist(),
             converged=found.converged,
             iterations=found.iterations,
-            inliers=_summary(found),
+            inliers=_summarize_inliers(found),
         )
         .model_dump_json()
         .encode()
@@ -43,7 +51,7 @@ def result_document(found: Registration) -> bytes:
 
 
 def inlier_array(inliers: Inliers) -> NDArray[np.void]:
-    """(K,) structured array of source index, target index, distance in the input's unit."""
+    """Return the inliers as a (K,) structured array of INLIER_DTYPE, distances in input units."""
     rows = np.empty(len(inliers), INLIER_DTYPE)
     rows["source"] = inliers.source
     rows["target"] = inliers.target
@@ -51,9 +59,34 @@ def inlier_array(inliers: Inliers) -> NDArray[np.void]:
     return rows
 
 
-def _summary(found: Registration) -> InlierSummary:
+def iter_inliers_json(rows: NDArray[np.void], threshold: float) -> Iterator[str]:
+    """Yield an `InlierList` as JSON text, with a bounded number of rows in memory.
+
+    Parameters
+    ----------
+    rows : (K,) structured array of INLIER_DTYPE
+        May be memory-mapped.
+    threshold : float
+        Largest distance of a pair, in input units.
+    """
+    yield f'{{"count":{len(rows)},"threshold":{json.dumps(threshold)},"pairs":['
+    yield from _iter_items(rows, lambda part: np.column_stack((part["source"], part["target"])))
+    yield '],"distances":['
+    yield from _iter_items(rows, lambda part: part["distance"])
+    yield "]}"
+
+
+def _iter_items(
+    rows: NDArray[np.void], column: Callable[[NDArray[np.void]], NDArray[Any]]
+) -> Iterator[str]:
+    for start in range(0, len(rows), ROWS_PER_CHUNK):
+        values = column(rows[start : start + ROWS_PER_CHUNK]).tolist()
+        yield ("," if start else "") + json.dumps(values, separators=(",", ":"))[1:-1]
+
+
+def _summarize_inliers(found: Registration) -> InlierSummary:
     inliers = found.inliers
-    inline = len(inliers) <= INLINE_PAIRS
+    inline = len(inliers) <= MAX_INLINE_PAIRS
     pairs = np.column_stack((inliers.source, inliers.target)).tolist() if inline else None
     # not validated: 100,000 pairs would take longer than the registration
     return InlierSummary.model_construct(

@@ -22,7 +22,7 @@ from service.outbound import (
     parse_url,
 )
 from service.problems import ServiceError
-from service.schemas.serialize_job import summary
+from service.schemas.serialize_job import summarize_job
 from service.settings import Settings
 from service.webhooks.outbox import Delivery, Outbox
 
@@ -101,7 +101,10 @@ class WebhookSender:
         assert job.callback_url is not None  # noqa: S101
         assert self._settings.webhook_secret is not None  # noqa: S101
         now = time.time()
-        event = {"type": f"registration.{job.status}", "data": summary(job).model_dump(mode="json")}
+        event = {
+            "type": f"registration.{job.status}",
+            "data": summarize_job(job).model_dump(mode="json"),
+        }
         body = json.dumps(event).encode()
         secret = self._settings.webhook_secret.get_secret_value().encode()
         headers = {

@@ -21,7 +21,7 @@ from service.clouds.inputs import CloudInput
 from service.formats import CloudFileError, DecodedCloud, read_points
 from service.jobs.model import Outcome
 from service.problems import INTERNAL, JobMemoryError, problem_document, problem_type
-from service.schemas.serialize_result import inlier_array, result_document
+from service.schemas.serialize_result import inlier_array, render_result
 from service.storage.blobs import Blob, BlobStore
 from service.storage.decoded_cache import DecodedCache
 from service.telemetry.json_logs import job_id
@@ -124,7 +124,7 @@ def perform(task: Task, report: Report, timing: dict[str, float]) -> Outcome:
     found = _registered(source_cloud, target_cloud, task, report)
     timing |= {f"{stage}_s": s for stage, s in found.timing.items() if stage != "total"}
     with _timed(timing, "store_s"):
-        result = blobs.put([result_document(found)])
+        result = blobs.put([render_result(found)])
         inliers = _stored_array(inlier_array(found.inliers), blobs)
     return Outcome(
         result_sha256=result.sha256,

@@ -1,7 +1,7 @@
-"""Reading on for a while when a request is answered before its body has arrived.
+"""Draining the request body before an early response.
 
-A connection that is closed with bytes unread is reset, and the client may never see the answer
-(a 413, for instance). What is read here is thrown away.
+The kernel resets a connection that is closed with unread bytes, and the client may then lose the
+response (a 413, for instance). So the rest of the body is read and discarded first.
 """
 
 from __future__ import annotations
@@ -10,53 +10,65 @@ import asyncio
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-LINGER_BYTES = 64 * 2**20
-LINGER_S = 5.0
-
 
 class DrainBodyMiddleware:
-    """ASGI middleware."""
+    """ASGI middleware that reads the rest of a request body before its response is sent.
 
-    def __init__(self, app: ASGIApp) -> None:
+    Parameters
+    ----------
+    app : ASGIApp
+        The application inside.
+    max_bytes : int
+        Most bytes to discard per request.
+    timeout_s : float
+        Longest time to wait for the rest, in seconds.
+    """
+
+    def __init__(
+        self, app: ASGIApp, *, max_bytes: int = 64 * 2**20, timeout_s: float = 5.0
+    ) -> None:
         self._app = app
+        self._max_bytes = max_bytes
+        self._timeout_s = timeout_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, and linger before an early answer."""
+        """Pass the request on; drain its body before the response starts."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        body = _Body(scope, receive)
+        body = _RequestBody(scope, receive)
 
         async def send_after_body(message: Message) -> None:
             if message["type"] == "http.response.start":
-                await body.discard()
+                await body.discard(self._max_bytes, self._timeout_s)
             await send(message)
 
         await self._app(scope, body.receive, send_after_body)
 
 
-class _Body:
+class _RequestBody:
+    """The `receive` of a request, which knows whether more of the body is to come."""
+
     def __init__(self, scope: Scope, receive: Receive) -> None:
         headers = dict(scope["headers"])
         self._receive = receive
-        self._pending = b"content-length" in headers or b"transfer-encoding" in headers
-        # a client that waits for "100 Continue" sends nothing before it has been asked to
-        self._held_back = b"expect" in headers
+        self._is_incomplete = b"content-length" in headers or b"transfer-encoding" in headers
+        # with "Expect: 100-continue" the client sends nothing until the first receive()
+        self._is_held_back = b"expect" in headers
 
     async def receive(self) -> Message:
-        self._held_back = False
+        self._is_held_back = False
         message = await self._receive()
-        self._pending = message["type"] == "http.request" and message.get("more_body", False)
+        self._is_incomplete = message["type"] == "http.request" and message.get("more_body", False)
         return message
 
-    async def discard(self) -> None:
-        """Read what is still to come, within bounds."""
-        if self._held_back or not self._pending:
+    async def discard(self, max_bytes: int, timeout_s: float) -> None:
+        """Read and discard the rest, within the bounds."""
+        if self._is_held_back:
             return
-        left = LINGER_BYTES
         try:
-            async with asyncio.timeout(LINGER_S):
-                while self._pending and left > 0:
-                    left -= len((await self.receive()).get("body", b""))
+            async with asyncio.timeout(timeout_s):
+                while self._is_incomplete and max_bytes > 0:
+                    max_bytes -= len((await self.receive()).get("body", b""))
         except TimeoutError:
             return

@@ -1,4 +1,4 @@
-"""One log line and one measurement for each request."""
+"""One log line and one latency measurement per request, and its X-Request-ID."""
 
 from __future__ import annotations
 
@@ -14,33 +14,44 @@ from service.auth.authenticator import Caller
 from service.telemetry.json_logs import request_id
 from service.telemetry.metrics import Metrics
 
-_IDENTITY = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 log = logging.getLogger(__name__)
 
 
 class RequestLogMiddleware:
-    """ASGI middleware: gives each request an id (the caller's X-Request-ID, if it is a word)."""
+    """ASGI middleware that logs, measures and names each request.
 
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+    The id is the caller's X-Request-ID if that is 1 to 64 letters, digits, `.`, `_` or `-`, and a
+    new UUID otherwise.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        The application inside.
+    metrics : Metrics
+        Receives the duration of each request.
+    """
+
+    def __init__(self, app: ASGIApp, *, metrics: Metrics) -> None:
         self._app = app
         self._metrics = metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on; the answer carries the id."""
+        """Pass the request on and add the id to its response."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
         given = Headers(scope=scope).get("x-request-id", "")
-        identity = given if _IDENTITY.fullmatch(given) else str(uuid4())
-        token = request_id.set(identity)
+        current_id = given if _REQUEST_ID.fullmatch(given) else str(uuid4())
+        token = request_id.set(current_id)
         status, started = 500, time.perf_counter()
 
         async def send_with_id(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                MutableHeaders(scope=message)["X-Request-ID"] = identity
+                MutableHeaders(scope=message)["X-Request-ID"] = current_id
             await send(message)
 
         try:

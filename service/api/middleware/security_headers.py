@@ -1,78 +1,67 @@
-"""What every answer tells a browser: trust nothing that it holds, keep none of it.
-
-And which other pages may ask, if any.
-"""
+"""Security headers: responses run no scripts, are not framed, and are not cached."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-ALWAYS = {
+SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
     "Referrer-Policy": "no-referrer",
 }
-PRIVATE = "/v1/"
+PRIVATE_PREFIX = "/v1/"
+"""Paths with data of a tenant; their responses are never cached."""
+
 HSTS = "max-age=31536000"
-
-CORS: dict[str, Any] = {
-    "allow_methods": ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"),
-    "allow_headers": (
-        "Authorization",
-        "Content-Type",
-        "Idempotency-Key",
-        "Last-Event-ID",
-        "Prefer",
-        "Tus-Resumable",
-        "Upload-Length",
-        "Upload-Offset",
-        "X-Request-ID",
-    ),
-    "expose_headers": (
-        "Content-Disposition",
-        "Location",
-        "Preference-Applied",
-        "Retry-After",
-        "Tus-Resumable",
-        "Upload-Expires",
-        "Upload-Length",
-        "Upload-Offset",
-        "WWW-Authenticate",
-        "X-Request-ID",
-    ),
-}
-"""What pages of MPE_CORS_ORIGINS may send and read; no cookies, there are none."""
-
-
-def protect(headers: MutableHeaders, scope: Scope) -> None:
-    """Add what the route has not set itself; what belongs to a tenant is never cached.
-
-    Strict-Transport-Security only where TLS is spoken, here or by a proxy that is trusted to say
-    so: elsewhere browsers have to ignore it.
-    """
-    for name, value in ALWAYS.items():
-        headers.setdefault(name, value)
-    if scope["path"].startswith(PRIVATE):
-        headers["Cache-Control"] = "no-store"
-    if scope["scheme"] == "https":
-        headers.setdefault("Strict-Transport-Security", HSTS)
 
 
 class SecurityHeadersMiddleware:
-    """ASGI middleware."""
+    """ASGI middleware that adds security headers to every response.
 
-    def __init__(self, app: ASGIApp) -> None:
+    Parameters
+    ----------
+    app : ASGIApp
+        The application inside.
+    private_prefix : str
+        Responses to paths that begin with it get `Cache-Control: no-store`.
+    hsts : str
+        Strict-Transport-Security of responses over https.
+    """
+
+    def __init__(
+        self, app: ASGIApp, *, private_prefix: str = PRIVATE_PREFIX, hsts: str = HSTS
+    ) -> None:
         self._app = app
+        self._private_prefix = private_prefix
+        self._hsts = hsts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on; the answer is protected."""
+        """Pass the request on and add the headers to its response."""
 
-        async def send_protected(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                protect(MutableHeaders(scope=message), scope)
+                headers = MutableHeaders(scope=message)
+                add_security_headers(headers, scope, self._private_prefix, self._hsts)
             await send(message)
 
-        await self._app(scope, receive, send_protected)
+        await self._app(scope, receive, send_with_headers)
+
+
+def add_security_headers(
+    headers: MutableHeaders,
+    scope: Scope,
+    private_prefix: str = PRIVATE_PREFIX,
+    hsts: str = HSTS,
+) -> None:
+    """Add the security headers that the route has not set itself.
+
+    Strict-Transport-Security is sent over https only, where the server or a trusted proxy speaks
+    TLS: browsers ignore it over plain http.
+    """
+    for name, value in SECURITY_HEADERS.items():
+        headers.setdefault(name, value)
+    if scope["path"].startswith(private_prefix):
+        headers["Cache-Control"] = "no-store"
+    if scope["scheme"] == "https":
+        headers.setdefault("Strict-Transport-Security", hsts)

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
-from service.api.dependencies import CurrentService, KnownJob
+from service.api.dependencies import CurrentRuntime, RequestedJob
 from service.problems import ExpiredError, ResultNotReadyError
 from service.workers.export import Alignment, write_aligned
 
@@ -36,8 +36,8 @@ _at_once = threading.BoundedSemaphore(2)  # each takes the memory of two decoded
     },
 )
 def aligned(
-    job: KnownJob,
-    service: CurrentService,
+    job: RequestedJob,
+    runtime: CurrentRuntime,
     format: Annotated[
         Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
     ] = "ply",
@@ -53,11 +53,11 @@ def aligned(
         raise ResultNotReadyError(
             f"The registration is {job.status}; only a result can be applied."
         )
-    paths = [service.blobs.path(sha) for sha in (job.result_sha256, job.source.sha256) if sha]
-    target = service.blobs.path(job.target.sha256) if job.target.sha256 else None
+    paths = [runtime.blobs.path(sha) for sha in (job.result_sha256, job.source.sha256) if sha]
+    target = runtime.blobs.path(job.target.sha256) if job.target.sha256 else None
     if len(paths) < 2 or target is None or not all(path.exists() for path in (*paths, target)):
         raise ExpiredError("The result or a cloud has expired; register the clouds again.")
-    output = tempfile.NamedTemporaryFile(dir=service.blobs.incoming, prefix="aligned-")  # noqa: SIM115
+    output = tempfile.NamedTemporaryFile(dir=runtime.blobs.incoming, prefix="aligned-")  # noqa: SIM115
     fcntl.flock(output, fcntl.LOCK_EX)  # or a service that starts takes it for a dead one's
     alignment = Alignment(
         transform=json.loads(paths[0].read_bytes())["transform"],
@@ -67,8 +67,8 @@ def aligned(
         target_reading=job.target.reading,
         format=format,
         output=output.name,
-        memory_bytes=service.settings.job_memory_bytes,
-        timeout_s=service.settings.job_timeout_s,
+        memory_bytes=runtime.settings.job_memory_bytes,
+        timeout_s=runtime.settings.job_timeout_s,
     )
     try:
         with _at_once:

@@ -1,21 +1,20 @@
-"""/v1/registrations/{id}/events: what happens to a registration, as it happens."""
+"""/v1/registrations/{id}/events: the changes of a registration, as server-sent events."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator
-from datetime import UTC, datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Header
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
-from service.api.dependencies import CurrentService, KnownJob
-from service.jobs.model import JobEvent, JobRow, is_terminal
+from service.api.dependencies import CurrentRuntime, RequestedJob
+from service.jobs.model import JobRow, is_terminal
 from service.schemas import Event
-from service.schemas.options import EXACT
+from service.schemas.base import MAX_EXACT_INTEGER
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
@@ -26,43 +25,35 @@ router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
     summary="Follow a registration",
     response_class=EventSourceResponse,
 )
-async def events(
-    job: KnownJob,
-    service: CurrentService,
+async def stream_events(
+    job: RequestedJob,
+    runtime: CurrentRuntime,
     last_event_id: Annotated[
         int,
-        Header(ge=0, lt=EXACT, description="Number of the last event that was received."),
+        Header(ge=0, lt=MAX_EXACT_INTEGER, description="Id of the last event received."),
     ] = 0,
 ) -> AsyncIterator[ServerSentEvent]:
-    """Server-sent events, one for each change, from the first or from after `Last-Event-ID`.
+    """Stream one server-sent event per change, from the first or after `Last-Event-ID`.
 
-    The stream ends with the registration. The data of an event is an `Event`.
+    The stream ends when the registration has ended. The data of each event is an `Event`.
     """
     last = last_event_id
-    with service.notifier.watch(job.id, only_end=False) as changed:
+    with runtime.notifier.watch(job.id, only_end=False) as changed:
         while True:
             changed.clear()
-            news = await run_in_threadpool(service.jobs.events, job.tenant, job.id, after=last)
-            for event in news:
+            events = await run_in_threadpool(runtime.jobs.events, job.tenant, job.id, after=last)
+            for event in events:
                 last = event.number
-                yield ServerSentEvent(id=str(last), event="progress", data=_data(event))
+                data = Event.model_validate(event)
+                yield ServerSentEvent(id=str(last), event="progress", data=data)
                 if is_terminal(event.status):
                     return
-            if not news and await run_in_threadpool(_is_over, service, job):
-                return  # removed, or the service stops: the client comes back with Last-Event-ID
+            if not events and await run_in_threadpool(_is_over, runtime, job):
+                return  # deleted, or the service stops: the client reconnects with Last-Event-ID
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(changed.wait(), service.database.poll_interval_s)
+                await asyncio.wait_for(changed.wait(), runtime.database.poll_interval_s)
 
 
-def _is_over(service: CurrentService, job: JobRow) -> bool:
-    now = service.jobs.get(job.tenant, job.id)
-    return now is None or is_terminal(now.status) or service.workers.is_stopped
-
-
-def _data(event: JobEvent) -> Event:
-    return Event(
-        at=datetime.fromtimestamp(event.at, UTC),
-        status=event.status,
-        stage=event.stage,
-        fraction=event.fraction,
-    )
+def _is_over(runtime: CurrentRuntime, job: JobRow) -> bool:
+    current = runtime.jobs.get(job.tenant, job.id)
+    return current is None or is_terminal(current.status) or runtime.workers.is_stopped

@@ -1,4 +1,4 @@
-"""/v1/formats: what files are read."""
+"""/v1/formats: the file formats that the service reads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ router = APIRouter(prefix="/v1/formats", tags=["formats"], dependencies=[Depends
 
 @router.get("", operation_id="listFormats", summary="List the formats that are read")
 def list_formats() -> FormatList:
-    """The content of a file decides its format, never its name, unless `reading` declares it."""
+    """Return all formats; the content of a file decides unless `reading` declares the format."""
     return FormatList(
         items=[
             FormatInfo(

@@ -1,4 +1,4 @@
-"""/livez, /readyz, /metrics and /v1/capacity."""
+"""/livez, /readyz, /metrics and /v1/capacity: probes, measurements, load."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from fastapi import APIRouter, Depends, Response
 from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
-from service.api.dependencies import CurrentCaller, CurrentService, identify
+from service.api.dependencies import CurrentCaller, CurrentRuntime, identify
 from service.problems import NotReadyError
-from service.schemas import Capacity, Health, Share
+from service.schemas import Capacity, Health, TenantUsage
 
 router = APIRouter(tags=["health"])
 
 
 @router.get("/livez", operation_id="getLiveness", summary="Is the process alive?")
 def livez() -> Health:
-    """200 as long as the process answers at all."""
+    """Return 200 as long as the process responds."""
     return Health()
 
 
 @router.get("/readyz", operation_id="getReadiness", summary="Do registrations start at once?")
-def readyz(service: CurrentService) -> Health:
-    """200 when the workers are warm and the store answers; 503 also while the service stops."""
-    if not service.workers.is_ready:
+def readyz(runtime: CurrentRuntime) -> Health:
+    """Return 200 when workers and database are ready, and 503 before that and while stopping."""
+    if not runtime.workers.is_ready:
         raise NotReadyError("The workers are not ready; retry later.", retry_after_s=1)
-    service.jobs.count("queued")
+    runtime.jobs.count("queued")
     return Health()
 
 
@@ -35,32 +35,32 @@ def readyz(service: CurrentService) -> Health:
     response_class=PlainTextResponse,
     dependencies=[Depends(identify)],
 )
-def metrics(service: CurrentService) -> Response:
-    """In Prometheus' text format."""
-    return Response(service.telemetry.metrics.exposition(), media_type=CONTENT_TYPE_LATEST)
+def metrics(runtime: CurrentRuntime) -> Response:
+    """Return all metrics in Prometheus' text format."""
+    return Response(runtime.telemetry.metrics.exposition(), media_type=CONTENT_TYPE_LATEST)
 
 
 @router.get("/v1/capacity", operation_id="getCapacity", summary="How much can be taken on?")
-def capacity(service: CurrentService, caller: CurrentCaller) -> Capacity:
-    """Workers, queue and limits as they are now, and the share of the caller's tenant."""
-    settings, limits = service.settings, caller.limits
-    running = service.jobs.count("running")
+def capacity(runtime: CurrentRuntime, caller: CurrentCaller) -> Capacity:
+    """Return workers, queue, limits, and the usage of the caller's tenant."""
+    settings, limits = runtime.settings, caller.limits
+    running = runtime.jobs.count("running")
     return Capacity(
         workers=settings.workers,
         threads_per_worker=settings.threads,
         running=running,
         free=max(0, settings.workers - running),
-        queued=service.jobs.count("queued"),
+        queued=runtime.jobs.count("queued"),
         queue_limit=settings.queue_limit,
         max_body_bytes=settings.max_body_bytes,
         max_wait_s=settings.max_wait_s,
         job_timeout_s=settings.job_timeout_s,
         job_memory_bytes=settings.job_memory_bytes,
-        share=Share(
+        share=TenantUsage(
             requests_per_s=limits.requests_per_s,
-            queued=service.jobs.count("queued", caller.tenant),
+            queued=runtime.jobs.count("queued", caller.tenant),
             queue_limit=limits.queue_limit,
-            stored_bytes=service.storage_quota.stored(caller.tenant),
+            stored_bytes=runtime.storage_quota.stored(caller.tenant),
             stored_bytes_limit=limits.stored_bytes,
         ),
     )

@@ -1,12 +1,10 @@
-"""/v1/registrations: submit, look at, list, cancel and remove."""
+"""/v1/registrations: submit, look at, list, cancel and delete registrations."""
 
 from __future__ import annotations
 
 import re
-import time
 from datetime import UTC, datetime
 from typing import Annotated, Any
-from uuid import uuid4
 
 from fastapi import APIRouter, Query, Response
 from pydantic import BeforeValidator
@@ -14,38 +12,38 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import (
     CurrentCaller,
-    CurrentService,
+    CurrentRuntime,
     IdempotencyKey,
-    KnownJob,
     NewSubmission,
     PreferredWait,
-    known,
+    RequestedJob,
+    RequestedPage,
+    require_job,
 )
 from service.api.error_handlers import ProblemResponse
 from service.api.long_poll import wait_until_ended
-from service.api.submission import Submission
-from service.database.pagination import CURSOR, decode_cursor, encode_cursor
-from service.jobs.fingerprint import hash_work
+from service.database.pagination import cut_page
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobRow, JobStatus, is_terminal
 from service.jobs.queries import JobFilter
 from service.runtime import Runtime
 from service.schemas import Job, JobPage, RegistrationRequest
-from service.schemas.serialize_job import document, summary
+from service.schemas.serialize_job import render_job, summarize_job
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
-RETRY_AFTER_S = 1
+POLL_AGAIN_S = 1
+"""Retry-After of a registration that has not ended, in seconds."""
 
 
-def _no_number(moment: str) -> str:
-    """Pydantic would take a number for seconds since the epoch."""
-    if not re.match(r"\d{4}-\d\d-\d\d[Tt ]", moment):
+def _require_iso_date(text: str) -> str:
+    """Refuse what pydantic would take for seconds since the epoch."""
+    if not re.match(r"\d{4}-\d\d-\d\d[Tt ]", text):
         raise ValueError("expected a date and time as in 2026-01-05T09:30:00Z")
-    return moment
+    return text
 
 
-Moment = Annotated[datetime, BeforeValidator(_no_number)]
+Timestamp = Annotated[datetime, BeforeValidator(_require_iso_date)]
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -72,25 +70,24 @@ async def create(
     submission: NewSubmission,
     key: IdempotencyKey,
     wait_s: PreferredWait,
-    service: CurrentService,
+    runtime: CurrentRuntime,
     caller: CurrentCaller,
 ) -> Response:
-    """Answers 202 with the job, or with `Prefer: wait=N` 200 when it ends within N seconds.
+    """Return 202 with the job, or with `Prefer: wait=N` 200 if it ends within N seconds.
 
-    When it ends in time because of its input (a file that cannot be read, too few points, ...),
-    the answer is the problem document, status 422 (403 for an address that may not be called),
-    and `job` in it names the failed job.
+    If it fails within the wait because of its input (an unreadable file, too few points, ...), the
+    response is the problem document with status 422 (403 for a forbidden URL), and its member
+    `job` is the id of the failed job.
     """
-    idempotency = None if key is None else Idempotency(key, submission.fingerprint())
     job = await run_in_threadpool(
-        service.submit,
-        _new_job(submission, caller.tenant),
-        idempotency,
+        runtime.submit,
+        submission.to_job(caller.tenant),
+        None if key is None else Idempotency(key, submission.fingerprint()),
         tenant_queue_limit=caller.limits.queue_limit,
     )
     if wait_s is not None:
-        job = await wait_until_ended(service, caller.tenant, job.id, wait_s) or job
-    return await _accepted(job, wait_s, service)
+        job = await wait_until_ended(runtime, caller.tenant, job.id, wait_s) or job
+    return await _accepted_response(job, wait_s, runtime)
 
 
 @router.get(
@@ -99,32 +96,28 @@ async def create(
     summary="List registrations, newest first",
     response_model=JobPage,
 )
-def list_page(
-    service: CurrentService,
+def list_registrations(
+    runtime: CurrentRuntime,
     caller: CurrentCaller,
-    limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
-    cursor: Annotated[
-        str | None, Query(pattern=CURSOR, description="next_cursor of the page before.")
-    ] = None,
-    status: Annotated[JobStatus | None, Query(description="Only those of this status.")] = None,
+    page: RequestedPage,
+    status: Annotated[JobStatus | None, Query(description="Only those with this status.")] = None,
     label: Annotated[
         str | None,
         Query(pattern=r"^[A-Za-z0-9_.-]{1,64}:", description="Only those labelled name:value."),
     ] = None,
-    created_after: Annotated[Moment | None, Query(description="Only later ones.")] = None,
-    created_before: Annotated[Moment | None, Query(description="Only earlier ones.")] = None,
+    created_after: Annotated[Timestamp | None, Query(description="Only later ones.")] = None,
+    created_before: Annotated[Timestamp | None, Query(description="Only earlier ones.")] = None,
 ) -> JobPage:
-    """Jobs without their results; follow `next_cursor` until it is null."""
+    """Return one page of jobs without their results; follow `next_cursor` until it is null."""
     only = JobFilter(
         status=status,
-        label=None if label is None else _split(label),
-        created_after=_seconds(created_after),
-        created_before=_seconds(created_before),
+        label=None if label is None else _split_label(label),
+        created_after=_to_epoch(created_after),
+        created_before=_to_epoch(created_before),
     )
-    before = None if cursor is None else decode_cursor(cursor)
-    jobs = service.jobs.page(caller.tenant, limit=limit + 1, before=before, only=only)
-    more = encode_cursor(jobs[limit - 1]) if len(jobs) > limit else None
-    return JobPage(items=[summary(job) for job in jobs[:limit]], next_cursor=more)
+    rows = runtime.jobs.page(caller.tenant, limit=page.limit + 1, before=page.before, only=only)
+    jobs, next_cursor = cut_page(rows, page.limit)
+    return JobPage(items=[summarize_job(job) for job in jobs], next_cursor=next_cursor)
 
 
 @router.get(
@@ -134,86 +127,65 @@ def list_page(
     response_model=Job,
 )
 async def get(
-    job_id: str, wait_s: PreferredWait, service: CurrentService, caller: CurrentCaller
+    job_id: str, wait_s: PreferredWait, runtime: CurrentRuntime, caller: CurrentCaller
 ) -> Response:
-    """The job as it is now, or with `Prefer: wait=N` as soon as it has ended."""
-    job = known(await wait_until_ended(service, caller.tenant, job_id, wait_s or 0.0))
-    headers = _applied(wait_s)
-    if not is_terminal(job.status):
-        headers["Retry-After"] = str(RETRY_AFTER_S)
-    return Response(await _rendered(job, service), media_type="application/json", headers=headers)
+    """Return the job as it is now, or with `Prefer: wait=N` as soon as it has ended."""
+    job = require_job(await wait_until_ended(runtime, caller.tenant, job_id, wait_s or 0.0))
+    return await _job_response(job, wait_s, runtime)
 
 
 @router.delete(
     "/{job_id}",
     operation_id="deleteRegistration",
-    summary="Cancel a registration, or remove one that has ended",
+    summary="Cancel a registration, or delete one that has ended",
     status_code=200,
     response_model=Job,
-    responses={204: {"description": "It had ended, and is removed.", "model": None}},
+    responses={204: {"description": "It had ended, and is deleted.", "model": None}},
 )
-def delete(job: KnownJob, service: CurrentService) -> Response:
-    """Cancels what waits or runs (200 with the job); removes what has ended (204)."""
-    if service.cancel(job.id):
-        body = document(known(service.jobs.get(job.tenant, job.id)), service.blobs)
-        return Response(body, media_type="application/json")
-    if not service.transitions.remove(job.id):
-        known(None)
+def delete(job: RequestedJob, runtime: CurrentRuntime) -> Response:
+    """Cancel a job that waits or runs (200 with the job); delete one that has ended (204)."""
+    if runtime.cancel(job.id):
+        cancelled = require_job(runtime.jobs.get(job.tenant, job.id))
+        return Response(render_job(cancelled, runtime.blobs), media_type="application/json")
+    if not runtime.transitions.remove(job.id):
+        require_job(None)
     return Response(status_code=204)
 
 
-def _new_job(submission: Submission, tenant: str) -> JobRow:
-    wanted, now = submission.parameters, time.time()
-    options = wanted.options.model_dump()
-    return JobRow(
-        id=str(uuid4()),
-        tenant=tenant,
-        source=submission.source,
-        target=submission.target,
-        options=options,
-        created_at=now,
-        labels=wanted.labels,
-        priority=wanted.priority,
-        deadline_at=None if wanted.deadline_s is None else now + wanted.deadline_s,
-        callback_url=wanted.callback_url,
-        work_key=hash_work(submission.source, submission.target, options),
-    )
-
-
-async def _accepted(job: JobRow, wait_s: float | None, service: Runtime) -> Response:
-    headers = {"Location": f"{router.prefix}/{job.id}", **_applied(wait_s)}
+async def _accepted_response(job: JobRow, wait_s: float | None, runtime: Runtime) -> Response:
+    location = {"Location": f"{router.prefix}/{job.id}"}
     if job.error is not None and job.error["status"] < 500:
         problem = {**job.error, "job": job.id}
+        headers = location | _preference_applied(wait_s)
         return ProblemResponse(problem, status_code=problem["status"], headers=headers)
-    ended = is_terminal(job.status)
-    if not ended:
-        headers["Retry-After"] = str(RETRY_AFTER_S)
-    return Response(
-        await _rendered(job, service),
-        status_code=200 if ended else 202,
-        media_type="application/json",
-        headers=headers,
-    )
+    response = await _job_response(job, wait_s, runtime)
+    response.headers.update(location)
+    response.status_code = 200 if is_terminal(job.status) else 202
+    return response
 
 
-async def _rendered(job: JobRow, service: Runtime) -> bytes:
-    """The job's document; only a result has to be read from the disk."""
+async def _job_response(job: JobRow, wait_s: float | None, runtime: Runtime) -> Response:
+    headers = _preference_applied(wait_s)
+    if not is_terminal(job.status):
+        headers["Retry-After"] = str(POLL_AGAIN_S)
     if job.result_sha256 is None:
-        return document(job, service.blobs)
-    return await run_in_threadpool(document, job, service.blobs)
+        body = render_job(job, runtime.blobs)
+    else:
+        body = await run_in_threadpool(render_job, job, runtime.blobs)  # it reads the result's file
+    return Response(body, media_type="application/json", headers=headers)
 
 
-def _applied(wait_s: float | None) -> dict[str, str]:
+def _preference_applied(wait_s: float | None) -> dict[str, str]:
     return {} if wait_s is None else {"Preference-Applied": f"wait={wait_s:.0f}"}
 
 
-def _split(label: str) -> tuple[str, str]:
+def _split_label(label: str) -> tuple[str, str]:
     name, _, value = label.partition(":")
     return name, value
 
 
-def _seconds(moment: datetime | None) -> float | None:
-    """Seconds since the epoch; a time without a zone is UTC."""
+def _to_epoch(moment: datetime | None) -> float | None:
+    """Return seconds since the epoch; a time without a zone is UTC."""
     if moment is None:
         return None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

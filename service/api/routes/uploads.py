@@ -13,14 +13,13 @@ from typing import Annotated, Any, BinaryIO
 from fastapi import APIRouter, Depends, Header, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import admit
-from service.api.body import limited
-from service.api.dependencies import CurrentCaller, CurrentService, DeclaredFormat, identify
+from service.api.admission import reserve_bytes
+from service.api.body import iter_body
+from service.api.dependencies import CurrentCaller, CurrentRuntime, DeclaredFormat, identify
 from service.clouds.uploads import Upload
 from service.problems import (
     BodyTooLargeError,
     MalformedBodyError,
-    ServiceError,
     TusVersionError,
     UnsupportedContentTypeError,
 )
@@ -28,14 +27,14 @@ from service.runtime import Runtime
 
 TUS_VERSION = "1.0.0"
 EXTENSIONS = "creation,expiration,termination"
-PIECE = "application/offset+octet-stream"
+PIECE_TYPE = "application/offset+octet-stream"
 _TUS: dict[str, Any] = {
     "parameters": [
         {
             "name": "Tus-Resumable",
             "in": "header",
             "required": True,
-            "description": "Version of tus that the caller speaks.",
+            "description": "Version of tus that the caller uses.",
             "schema": {"type": "string", "enum": [TUS_VERSION]},
         }
     ]
@@ -43,12 +42,14 @@ _TUS: dict[str, Any] = {
 _PIECE: dict[str, Any] = _TUS | {
     "requestBody": {
         "required": True,
-        "content": {PIECE: {"schema": {"type": "string", "format": "binary"}}},
+        "content": {PIECE_TYPE: {"schema": {"type": "string", "format": "binary"}}},
     }
 }
 
 
-def _tus(tus_resumable: Annotated[str, Header(include_in_schema=False)] = "") -> None:
+def _check_tus_version(
+    tus_resumable: Annotated[str, Header(include_in_schema=False)] = "",
+) -> None:
     if tus_resumable != TUS_VERSION:
         raise TusVersionError(
             f"Send Tus-Resumable: {TUS_VERSION}.", headers={"Tus-Version": TUS_VERSION}
@@ -56,20 +57,20 @@ def _tus(tus_resumable: Annotated[str, Header(include_in_schema=False)] = "") ->
 
 
 router = APIRouter(prefix="/v1/uploads", tags=["clouds"], dependencies=[Depends(identify)])
-speaks_tus = [Depends(_tus)]
+requires_tus = [Depends(_check_tus_version)]
 
 
 @router.options(
-    "", operation_id="describeUploads", summary="What of tus is spoken", status_code=204
+    "", operation_id="describeUploads", summary="Supported parts of tus", status_code=204
 )
-def describe(service: CurrentService) -> Response:
-    """Version, extensions and the largest upload."""
-    return _answer(
+def describe(runtime: CurrentRuntime) -> Response:
+    """Return version, extensions and the largest upload, as headers."""
+    return _tus_response(
         204,
         {
             "Tus-Version": TUS_VERSION,
             "Tus-Extension": EXTENSIONS,
-            "Tus-Max-Size": str(service.settings.max_body_bytes),
+            "Tus-Max-Size": str(runtime.settings.max_body_bytes),
         },
     )
 
@@ -79,39 +80,37 @@ def describe(service: CurrentService) -> Response:
     operation_id="createUpload",
     summary="Begin an upload",
     status_code=201,
-    dependencies=speaks_tus,
+    dependencies=requires_tus,
     openapi_extra=_TUS,
     response_class=Response,
 )
 def create(
-    service: CurrentService,
+    runtime: CurrentRuntime,
     caller: CurrentCaller,
-    upload_length: Annotated[int, Header(ge=1, description="Bytes of the whole file.")],
+    upload_length: Annotated[int, Header(ge=1, description="Size of the whole file in bytes.")],
     format: DeclaredFormat = None,
 ) -> Response:
-    """Answers with the Location to send the pieces to."""
-    if upload_length > service.settings.max_body_bytes:
-        raise BodyTooLargeError(f"It exceeds the {service.settings.max_body_bytes} bytes allowed.")
-    admit(service, caller, upload_length)
-    try:
-        upload = service.uploads.create(caller.tenant, upload_length, format)
-    finally:
-        service.storage_quota.release(caller, upload_length)
-    return _answer(201, {"Location": f"{router.prefix}/{upload.id}", **_expiry(upload)})
+    """Return the Location to send the pieces to."""
+    max_bytes = runtime.settings.max_body_bytes
+    if upload_length > max_bytes:
+        raise BodyTooLargeError(f"The file is longer than the allowed {max_bytes} bytes.")
+    with reserve_bytes(runtime, caller, upload_length):
+        upload = runtime.uploads.create(caller.tenant, upload_length, format)
+    return _tus_response(201, {"Location": f"{router.prefix}/{upload.id}", **_expiry(upload)})
 
 
 @router.head(
     "/{upload_id}",
     operation_id="lookAtUpload",
     summary="How far an upload is",
-    dependencies=speaks_tus,
+    dependencies=requires_tus,
     openapi_extra=_TUS,
     response_class=Response,
 )
-def look(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
-    """In the headers Upload-Offset and Upload-Length."""
-    upload = service.uploads.get(caller.tenant, upload_id)
-    return _answer(200, {**_state(upload, service), "Upload-Length": str(upload.length)})
+def look(upload_id: str, runtime: CurrentRuntime, caller: CurrentCaller) -> Response:
+    """Return the headers Upload-Offset and Upload-Length."""
+    upload = runtime.uploads.get(caller.tenant, upload_id)
+    return _tus_response(200, {**_state(upload, runtime), "Upload-Length": str(upload.length)})
 
 
 @router.patch(
@@ -119,75 +118,62 @@ def look(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Resp
     operation_id="appendToUpload",
     summary="Send the next piece",
     status_code=204,
-    dependencies=speaks_tus,
+    dependencies=requires_tus,
     openapi_extra=_PIECE,
     response_class=Response,
 )
 async def append(
     upload_id: str,
     request: Request,
-    service: CurrentService,
+    runtime: CurrentRuntime,
     caller: CurrentCaller,
-    upload_offset: Annotated[int, Header(ge=0, description="Where the piece begins.")],
+    upload_offset: Annotated[int, Header(ge=0, description="Offset at which the piece begins.")],
 ) -> Response:
-    """What arrives before a cut stays; ask with HEAD where to go on."""
-    if request.headers.get("content-type") != PIECE:
-        raise UnsupportedContentTypeError(f"A piece is sent as {PIECE}.")
-    upload = await run_in_threadpool(service.uploads.get, caller.tenant, upload_id)
-    with service.uploads.appending(upload, upload_offset) as file:
-        await _receive(request, file, upload.length - upload_offset)
-    upload = await run_in_threadpool(_after_piece, service, upload)
-    return _answer(204, _state(upload, service))
+    """Append a piece; if the connection is lost, what has arrived stays: ask with HEAD."""
+    if request.headers.get("content-type") != PIECE_TYPE:
+        raise UnsupportedContentTypeError(f"Send a piece as {PIECE_TYPE}.")
+    upload = await run_in_threadpool(runtime.uploads.get, caller.tenant, upload_id)
+    with runtime.uploads.appending(upload, upload_offset) as file:
+        await _write_body(request, file, max_bytes=upload.length - upload_offset)
+    upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
+    return _tus_response(204, _state(upload, runtime))
 
 
 @router.delete(
     "/{upload_id}",
     operation_id="deleteUpload",
-    summary="Give an upload up",
+    summary="Cancel an upload",
     status_code=204,
-    dependencies=speaks_tus,
+    dependencies=requires_tus,
     openapi_extra=_TUS,
     response_class=Response,
 )
-def delete(upload_id: str, service: CurrentService, caller: CurrentCaller) -> Response:
-    """Drops what has arrived; a cloud that it has become stays."""
-    service.uploads.remove(service.uploads.get(caller.tenant, upload_id))
-    return _answer(204, {})
+def delete(upload_id: str, runtime: CurrentRuntime, caller: CurrentCaller) -> Response:
+    """Delete what has arrived; a cloud made of a complete upload stays."""
+    runtime.uploads.remove(runtime.uploads.get(caller.tenant, upload_id))
+    return _tus_response(204, {})
 
 
-async def _receive(request: Request, file: BinaryIO, room: int) -> None:
+async def _write_body(request: Request, file: BinaryIO, max_bytes: int) -> None:
     try:
-        async for chunk in limited(request, room):
+        async for chunk in iter_body(request, max_bytes):
             file.write(chunk)
-            file.flush()  # its length is how far the upload is, for whoever asks meanwhile
+            file.flush()  # other requests read the offset from the file's length
     except MalformedBodyError:
-        return  # the connection was cut: what has come is kept
+        return  # the connection was lost: keep what has arrived
     finally:
         await run_in_threadpool(os.fsync, file.fileno())
 
 
-def _after_piece(service: Runtime, upload: Upload) -> Upload:
-    """Turn a complete upload into a cloud; one that is no cloud is dropped."""
-    complete = service.uploads.offset(upload) == upload.length
-    if complete:
-        blob = service.blobs.adopt(service.uploads.path(upload))
-        try:
-            service.clouds.put(upload.tenant, upload.id, blob, upload.format)
-        except (ServiceError, ValueError):
-            service.uploads.remove(upload)
-            raise
-    return service.uploads.extend(upload, complete=complete)
-
-
-def _state(upload: Upload, service: Runtime) -> dict[str, str]:
-    return {"Upload-Offset": str(service.uploads.offset(upload)), **_expiry(upload)}
+def _state(upload: Upload, runtime: Runtime) -> dict[str, str]:
+    return {"Upload-Offset": str(runtime.uploads.offset(upload)), **_expiry(upload)}
 
 
 def _expiry(upload: Upload) -> dict[str, str]:
-    moment = datetime.fromtimestamp(upload.expires_at, UTC)
-    return {"Upload-Expires": format_datetime(moment, usegmt=True)}
+    expires_at = datetime.fromtimestamp(upload.expires_at, UTC)
+    return {"Upload-Expires": format_datetime(expires_at, usegmt=True)}
 
 
-def _answer(status: int, headers: dict[str, str]) -> Response:
+def _tus_response(status: int, headers: dict[str, str]) -> Response:
     always = {"Tus-Resumable": TUS_VERSION, "Cache-Control": "no-store"}
     return Response(status_code=status, headers=always | headers)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions
-from service.api import long_poll as waiting
+from service.api.long_poll import wait_until_ended
 from service.auth.keys import DEFAULT_TENANT
 from service.clouds.inputs import CloudInput
 from service.database.sqlite import SqliteDatabase
@@ -32,10 +32,8 @@ def test_the_end_is_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     async def wait() -> str:
         with open_runtime(Settings(data_dir=tmp_path), Metrics()) as service:
             job_id = _added(service)
-            wait_until_ended = waiting.wait_until_ended(
-                service, DEFAULT_TENANT, job_id, 10 * PATIENCE_S
-            )
-            job = await asyncio.wait_for(wait_until_ended, PATIENCE_S)
+            waiting = wait_until_ended(service, DEFAULT_TENANT, job_id, 10 * PATIENCE_S)
+            job = await asyncio.wait_for(waiting, PATIENCE_S)
             assert job is not None
             return job.status
 

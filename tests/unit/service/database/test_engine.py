@@ -46,8 +46,13 @@ def test_a_cloud_expires(database: Database, tmp_path: Path) -> None:
     assert find_needed_blobs(database) == set()
 
 
+def upload_store(database: Database, root: Path, retention_s: float) -> UploadStore:
+    clouds = CloudStore(database, BlobStore(root), retention_s=60)
+    return UploadStore(database, clouds, root / "uploads", retention_s=retention_s)
+
+
 def test_an_upload_may_be_larger_than_32_bits_count(database: Database, tmp_path: Path) -> None:
-    uploads = UploadStore(database, tmp_path / "uploads", retention_s=60)
+    uploads = upload_store(database, tmp_path, 60)
     upload = uploads.create("lab", 2**40)
     assert uploads.get("lab", upload.id) == upload
     assert count_stored_bytes(database, "lab") == 2**40
@@ -57,10 +62,10 @@ def test_an_upload_may_be_larger_than_32_bits_count(database: Database, tmp_path
 
 
 def test_uploads_expire_but_not_under_way(database: Database, tmp_path: Path) -> None:
-    uploads = UploadStore(database, tmp_path / "uploads", retention_s=-1)
+    uploads = upload_store(database, tmp_path, -1)
     upload = uploads.create("lab", 9)
     with uploads.appending(upload, 0) as file:
-        UploadStore(database, tmp_path / "uploads", retention_s=-1).drop_expired()
+        upload_store(database, tmp_path, -1).drop_expired()
         file.write(b"x")
     assert uploads.offset(uploads.get("lab", upload.id)) == 1
     uploads.drop_expired()
@@ -70,7 +75,7 @@ def test_uploads_expire_but_not_under_way(database: Database, tmp_path: Path) ->
 def test_an_upload_that_expires_under_a_request_is_unknown_and_leaves_nothing(
     database: Database, tmp_path: Path
 ) -> None:
-    uploads = UploadStore(database, tmp_path / "uploads", retention_s=-1)
+    uploads = upload_store(database, tmp_path, -1)
     upload = uploads.create("lab", 9)
     uploads.drop_expired()
     with pytest.raises(UnknownUploadError):
