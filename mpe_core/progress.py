@@ -12,6 +12,16 @@ SHARES = {"prepare": 0.2, "search": 0.4, "refine": 0.3, "inliers": 0.1}
 """Share of the whole that each stage counts for, in order."""
 
 
+@contextmanager
+def timed(timing: dict[str, float], name: str) -> Iterator[None]:
+    """Add the seconds that the context takes to `timing[name]`."""
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        timing[name] = timing.get(name, 0.0) + time.perf_counter() - start
+
+
 class Progress:
     """Tells a callback the stage and the fraction of the whole in [0, 1]; keeps seconds by stage.
 
@@ -28,12 +38,11 @@ class Progress:
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
         """Time the stage; yields a function that takes the fraction of the stage."""
-        start = time.perf_counter()
         names = list(SHARES)
         base = sum(SHARES[earlier] for earlier in names[: names.index(name)])
-        self._report(name, base)
-        yield lambda fraction: self._report(name, base + SHARES[name] * fraction)
-        self.timing[name] = self.timing.get(name, 0.0) + time.perf_counter() - start
+        with timed(self.timing, name):
+            self._report(name, base)
+            yield lambda fraction: self._report(name, base + SHARES[name] * fraction)
 
     def finish(self) -> dict[str, float]:
         """Report the end; seconds by stage and in total."""

@@ -47,7 +47,7 @@ class ServiceError(Exception):
         Further members of the problem document.
     """
 
-    problem: ClassVar[ProblemType] = INTERNAL
+    problem: ProblemType = INTERNAL
     retry_after_s: ClassVar[float | None] = None
     """Seconds until the request may be repeated (header Retry-After); None: not stated."""
 

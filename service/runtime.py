@@ -33,7 +33,8 @@ from service.telemetry.recorder import Telemetry
 from service.telemetry.tracing import Tracing
 from service.webhooks.outbox import Outbox
 from service.webhooks.sender import WebhookSender
-from service.workers.maintenance import Maintenance, Task
+from service.workers.exporter import Exporter
+from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
 
 log = logging.getLogger(__name__)
@@ -50,6 +51,7 @@ class Runtime:
     transitions: JobTransitions
     notifier: JobNotifier
     workers: WorkerPool
+    exporter: Exporter
     clouds: CloudStore
     uploads: UploadStore
     outbox: Outbox
@@ -120,6 +122,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             transitions=transitions,
             notifier=notifier,
             workers=WorkerPool(transitions, blobs, settings),
+            exporter=Exporter(settings),
             clouds=clouds,
             uploads=UploadStore(
                 database,
@@ -139,10 +142,11 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
         ):
             part.start()
             stack.callback(part.stop)
+        stack.callback(runtime.exporter.stop)
         yield runtime
 
 
-def _maintenance_tasks(runtime: Runtime) -> list[Task]:
+def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
     """Return the tasks in their order: rows expire before the files that only they need."""
     settings, database = runtime.settings, runtime.database
     decoded = DecodedCache(settings.data_dir / "prepared")
@@ -157,7 +161,7 @@ def _maintenance_tasks(runtime: Runtime) -> list[Task]:
     return [
         runtime.transitions.expire_leases,
         runtime.transitions.fail_overdue,
-        lambda: discard_scratch(settings.data_dir, runtime.transitions.running),
+        lambda: discard_scratch(settings.data_dir),
         lambda: drop_expired(database),
         runtime.uploads.drop_expired,
         collect_blobs,

@@ -160,12 +160,6 @@ class JobTransitions:
         with self._database.write() as connection:
             return connection.execute(delete(jobs).where(has_ended)).rowcount == 1
 
-    def running(self) -> set[tuple[str, int]]:
-        """Return id and attempt number of each running job."""
-        query = select(jobs.c.id, jobs.c.attempt).where(jobs.c.status == "running")
-        with self._database.read() as connection:
-            return {(row.id, row.attempt) for row in connection.execute(query)}
-
     def _record_lost_before(self, cutoff: float, reason: str) -> int:
         query = select(jobs).where(jobs.c.status == "running", jobs.c.lease_until < cutoff)
         with self._database.read() as connection:

@@ -1,0 +1,1 @@
+"""Files on disk: blobs, scratch folders, the cache of decoded clouds."""

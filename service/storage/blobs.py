@@ -1,4 +1,4 @@
-"""Blobs on disk, named by the SHA-256 of their content."""
+"""Blobs on disk, named by the SHA-256 hash of their content."""
 
 from __future__ import annotations
 
@@ -14,20 +14,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from service.storage.file_lock import exclusive_lock, is_unlocked
+
 
 @dataclass(frozen=True, slots=True)
 class Blob:
-    """A stored content: the same bytes are stored once."""
+    """Stored content; equal contents are one blob."""
 
     sha256: str
+    """Hash of the content, 64 hexadecimal digits."""
     size: int
     """Length in bytes."""
 
 
 class BlobWriter:
-    """One blob being written; nothing is visible, and nothing stays behind, before `commit`.
+    """A blob that is being written; it becomes visible with `commit`, or leaves nothing behind.
 
-    The file is locked meanwhile, so that nobody takes it for one that a dead process left.
+    The file is locked meanwhile, which tells it from one that a killed process left.
     """
 
     def __init__(self, store: BlobStore) -> None:
@@ -40,14 +43,16 @@ class BlobWriter:
         self._size = 0
 
     def __enter__(self) -> Self:
+        """Return the writer itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Discard what was not committed."""
         self.discard()
 
     @property
     def size(self) -> int:
-        """Bytes written so far."""
+        """Number of bytes written so far."""
         return self._size
 
     def write(self, chunk: bytes) -> None:
@@ -57,7 +62,7 @@ class BlobWriter:
         self._size += len(chunk)
 
     def restart(self) -> None:
-        """Forget what was written so far."""
+        """Drop what was written so far and begin again."""
         self._file.seek(0)
         self._file.truncate()
         self._hash = hashlib.sha256()
@@ -78,7 +83,15 @@ class BlobWriter:
 
 
 class BlobStore:
-    """Blobs below a directory: `blobs/ab/abcd...`, written in `incoming`, then renamed."""
+    """Blobs below a directory: written in `incoming`, then renamed to `blobs/ab/abcd...`.
+
+    Parameters
+    ----------
+    root : Path
+        Directory of `blobs`; shared by all processes of a service.
+    incoming : Path, optional
+        Directory of unfinished blobs, in the same file system; default: `root/incoming`.
+    """
 
     def __init__(self, root: Path, *, incoming: Path | None = None) -> None:
         self.root = root
@@ -89,41 +102,84 @@ class BlobStore:
             directory.mkdir(parents=True, exist_ok=True)
 
     def path(self, sha256: str) -> Path:
-        """Where the blob lies."""
+        """Return the path of a blob, whether it exists or not."""
         return self.blobs / sha256[:2] / sha256
 
     def writer(self) -> BlobWriter:
-        """Begin a new blob."""
+        """Start a new blob."""
         return BlobWriter(self)
 
-    def discard_incoming(self) -> None:
-        """Remove what former processes were writing when they ended."""
-        for path in self.incoming.iterdir():
-            with contextlib.suppress(FileNotFoundError, BlockingIOError), path.open("rb") as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                path.unlink()
+    def put(self, chunks: Iterable[bytes]) -> Blob:
+        """Store the chunks as one blob."""
+        with self.writer() as writer:
+            for chunk in chunks:
+                writer.write(chunk)
+            return writer.commit()
 
-    @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keep `collect` and the renaming of new blobs, in whatever process, apart."""
-        with (self.root / "blobs.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            yield
+    def adopt(self, path: Path) -> Blob:
+        """Turn a finished file of the same file system into a blob; the file is moved."""
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        blob = Blob(sha256, path.stat().st_size)
+        path.touch()
+        self.install(path, blob)
+        return blob
+
+    def install(self, path: Path, blob: Blob) -> None:
+        """Move a file to the name of its blob, durably; drop it when the blob exists."""
+        final = self.path(blob.sha256)
+        if not self._touch_existing(final):
+            with path.open("rb") as file:
+                os.fsync(file.fileno())
+            final.parent.mkdir(exist_ok=True)
+            with self.locked():
+                path.replace(final)
+        _fsync_directory(final.parent)
+        path.unlink(missing_ok=True)
 
     def touch(self, sha256: str) -> None:
-        """Count the blob as new, so that `collect` spares it until a row that needs it is stored.
+        """Make a blob as young as a new one, so that `collect` spares it for the grace time.
 
-        FileNotFoundError when it has been removed.
+        Raises
+        ------
+        FileNotFoundError
+            The blob has been removed.
         """
         with self.locked():
             os.utime(self.path(sha256))
 
-    def collect(self, needed: Callable[[], set[str]], *, now: float, grace_s: float) -> int:
-        """Remove blobs that were written, and last seen needed, the grace ago; returns how many.
+    def discard_incoming(self) -> None:
+        """Remove unfinished blobs of processes that were killed; nobody holds their locks."""
+        for path in self.incoming.iterdir():
+            if is_unlocked(path):
+                path.unlink(missing_ok=True)
 
-        Who has read a row that names a blob has that long to open it, though the row is gone.
-        What is needed is asked after the old blobs have been listed: a blob that a job has taken
-        up since is either needed or new.
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep `collect` and the installation of blobs apart, in all processes."""
+        with exclusive_lock(self.root / "blobs.lock"):
+            yield
+
+    def collect(self, needed: Callable[[], set[str]], *, now: float, grace_s: float) -> int:
+        """Remove blobs that have been neither written nor seen needed for the grace time.
+
+        A reader of a row that names a blob has the grace time to open it, even if the row is
+        removed meanwhile.
+
+        Parameters
+        ----------
+        needed : callable
+            Returns the hashes of the blobs that rows refer to. Called after the old blobs have been
+            listed, so that a blob that a job takes up meanwhile is either needed or young.
+        now : float
+            Seconds since the epoch.
+        grace_s : float
+            Grace time in seconds.
+
+        Returns
+        -------
+        int
+            Number of removed blobs.
         """
         old = {path.name for path in self.blobs.glob("*/*") if _modified(path) < now - grace_s}
         unneeded = old - needed() if old else set()
@@ -138,45 +194,16 @@ class BlobStore:
                 return True
         return False
 
-    def adopt(self, path: Path) -> Blob:
-        """Make a finished file of the same file system a blob; the file is gone then."""
-        with path.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        blob = Blob(sha256, path.stat().st_size)
-        path.touch()
-        self.install(path, blob)
-        return blob
-
-    def install(self, path: Path, blob: Blob) -> None:
-        """Give the file the blob's name, durably; drop it when the blob is there already."""
-        final = self.path(blob.sha256)
-        if not self._is_there(final):
-            with path.open("rb") as file:
-                os.fsync(file.fileno())
-            final.parent.mkdir(exist_ok=True)
-            with self.locked():
-                path.replace(final)
-        _fsync_directory(final.parent)
-        path.unlink(missing_ok=True)
-
-    def _is_there(self, final: Path) -> bool:
-        """Whether the blob is stored already; it counts as new then."""
-        with self.locked():
-            if final.exists():
-                final.touch()
-                return True
+    def _touch_existing(self, path: Path) -> bool:
+        """Make a blob young and return True; False when it does not exist."""
+        with self.locked(), contextlib.suppress(FileNotFoundError):
+            os.utime(path)
+            return True
         return False
-
-    def put(self, chunks: Iterable[bytes]) -> Blob:
-        """Store the chunks as one blob."""
-        with self.writer() as writer:
-            for chunk in chunks:
-                writer.write(chunk)
-            return writer.commit()
 
 
 def _modified(path: Path) -> float:
-    """Time in seconds since the epoch; never, when another service has removed the file."""
+    """Return the time of the last change (seconds since the epoch); inf for a missing file."""
     try:
         return path.stat().st_mtime
     except FileNotFoundError:

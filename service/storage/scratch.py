@@ -1,24 +1,63 @@
-"""Folders for the unfinished work of attempts; each is gone when its attempt is."""
+"""Folders for unfinished work, removed with the work that they belong to."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from service.storage.file_lock import exclusive_lock, is_unlocked
 
-def scratch_of(data_dir: Path, job_id: str, attempt: int) -> Path:
-    """The folder of an attempt; made after the job was claimed."""
-    return data_dir / "scratch" / f"{job_id}-{attempt}"
+LOCK_NAME = ".lock"
 
 
-def discard_scratch(data_dir: Path, running: Callable[[], set[tuple[str, int]]]) -> None:
-    """Remove what attempts left that do not run any more: who ran them was killed.
+@contextmanager
+def scratch_folder(data_dir: Path, name: str) -> Iterator[Path]:
+    """Make a folder that is locked while the context lasts and removed when it ends.
 
-    What runs is asked after the folders have been listed: another process may begin meanwhile.
+    Parameters
+    ----------
+    data_dir : Path
+        Data directory of the service.
+    name : str
+        Name of the folder; unique among those in use.
+
+    Yields
+    ------
+    Path
+        The folder, in the same file system as the blobs.
+
+    Raises
+    ------
+    FileExistsError
+        A folder of this name is in use.
     """
-    found = list((data_dir / "scratch").glob("*"))
-    kept = {f"{job_id}-{attempt}" for job_id, attempt in running()} if found else set()
-    for folder in found:
-        if folder.name not in kept:
+    folder = _root(data_dir) / name
+    with ExitStack() as lock:
+        with exclusive_lock(_registry_lock(data_dir)):
+            folder.mkdir()
+            lock.enter_context(exclusive_lock(folder / LOCK_NAME))
+        try:
+            yield folder
+        finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def discard_scratch(data_dir: Path) -> None:
+    """Remove the folders whose owner was killed: nobody holds their lock any more."""
+    with exclusive_lock(_registry_lock(data_dir)):
+        for folder in _root(data_dir).iterdir():
+            if is_unlocked(folder / LOCK_NAME):
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _root(data_dir: Path) -> Path:
+    root = data_dir / "scratch"
+    root.mkdir(parents=True, exist_ok=True)
+    return root
+
+
+def _registry_lock(data_dir: Path) -> Path:
+    """Return the file whose lock keeps the making of a folder and the clean-up apart."""
+    return _root(data_dir).parent / "scratch.lock"

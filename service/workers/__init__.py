@@ -1,0 +1,1 @@
+"""Workers: claim jobs, run each in a sandboxed child process, record the outcome."""

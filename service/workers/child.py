@@ -1,10 +1,9 @@
-"""A child process from the warm forkserver, seen from the service process."""
+"""A child process of the warm forkserver, as the service process sees it."""
 
 from __future__ import annotations
 
 import contextlib
 import importlib.machinery
-import json
 import multiprocessing
 import os
 import signal
@@ -15,15 +14,20 @@ from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from service.workers.entry import stand_by
-from service.workers.task import FetchTask, Task
+from service.workers.child_main import child_main
+from service.workers.messages import MAX_MESSAGE_BYTES, Message, MessageError, Ready, decode
+from service.workers.task import Task
 
-MAX_MESSAGE_BYTES = 1 << 20
+START_TIMEOUT_S = 120.0
+"""Seconds until a child must be ready; before the first, the forkserver may compile the kernels."""
 START_TRIES = 3
+"""How often the start of a process is tried, in case the forkserver has just been killed."""
 START_PAUSE_S = 0.05
+"""Seconds between the tries, in which the system removes the killed forkserver."""
 FORKSERVER_GONE = 255
-"""What multiprocessing says in place of an exit code that the forkserver cannot tell any more."""
+"""Exit code that multiprocessing reports when the forkserver ended before the child."""
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_READ_BYTES = 1 << 16
 
 _context = multiprocessing.get_context("forkserver")
 # multiprocessing polls and closes processes of all threads in start(): one thread at a time
@@ -34,14 +38,19 @@ _starter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="starter")
 
 
 class ChildLostError(Exception):
-    """The child ended, or stopped making sense, before it gave its answer."""
+    """The child ended or sent nonsense before it gave its answer; the text says which."""
 
 
 def prepare_forkserver(threads: int) -> None:
-    """Say what the forkserver loads before its first fork, and how many threads its libraries take.
+    """Configure the forkserver that the first child starts.
 
-    Children must not run the service's own __main__ again, as multiprocessing would have them do;
-    it leaves out modules whose name ends in `.__main__`.
+    Children must not run the `__main__` of the service again, as multiprocessing would have them
+    do; it skips modules whose name ends in `.__main__`.
+
+    Parameters
+    ----------
+    threads : int
+        Threads of the numerical libraries of a child.
     """
     for name in BLAS_THREADS:
         os.environ.setdefault(name, str(threads))
@@ -51,91 +60,122 @@ def prepare_forkserver(threads: int) -> None:
 
 
 class Child:
-    """One child process that waits for its one task.
+    """A child process for one task: `send_task`, `receive` its messages, `kill`, `close`.
 
-    `hand` it the task, `receive` its messages, `kill` it with all that it started, `close` it.
+    Raises
+    ------
+    ChildLostError
+        The process could not be started.
     """
 
     def __init__(self) -> None:
         ours, theirs = multiprocessing.Pipe()
         self._connection: Connection = ours
-        self._process = _context.Process(target=stand_by, args=(theirs,))
-        self._closed = False
-        self._has_spoken = False
+        self._received = bytearray()
+        self._process = _context.Process(target=child_main, args=(theirs,))
+        self._is_closed = False
+        self._is_ready = False
         with theirs, _processes:
             _starter.submit(_start, self._process).result()
 
-    def is_ready(self, timeout_s: float) -> bool:
-        """Whether the child has said within the time that it is there; False when it died."""
-        if not self._has_spoken:
-            try:
-                self._has_spoken = self.receive(timeout_s) is not None
-            except ChildLostError:
-                return False
-        return self._has_spoken and self.is_alive
+    def wait_until_ready(self, timeout_s: float = START_TIMEOUT_S) -> bool:
+        """Wait for the child's first message; return False when it does not come or it died."""
+        if not self._is_ready:
+            with contextlib.suppress(ChildLostError):
+                self._is_ready = isinstance(self.receive(timeout_s), Ready)
+        return self._is_ready and self.is_alive
 
     @property
     def is_alive(self) -> bool:
         """Whether the process has not ended."""
         return not wait([self._process.sentinel], timeout=0)
 
-    def hand(self, task: FetchTask | Task) -> None:
-        """Give the child its task; ChildLostError when it is gone."""
+    def send_task(self, task: Task) -> None:
+        """Hand over the task.
+
+        Raises
+        ------
+        ChildLostError
+            The child has ended.
+        """
         try:
             self._connection.send(task)
         except OSError as error:
-            raise ChildLostError(self._epitaph()) from error
+            raise ChildLostError(self._exit_reason()) from error
 
-    def receive(self, timeout_s: float) -> dict[str, Any] | None:
-        """The next message, or None after the timeout; ChildLostError when none can come."""
-        if not self._connection.poll(max(0.0, timeout_s)):
-            return None
+    def receive(self, timeout_s: float) -> Message | None:
+        """Return the next message, or None after the timeout.
+
+        Never waits longer for a child that sends half a message.
+
+        Raises
+        ------
+        ChildLostError
+            The child ended, or what it sent is no valid message.
+        """
+        deadline = time.monotonic() + timeout_s
+        while b"\n" not in self._received:
+            if len(self._received) > MAX_MESSAGE_BYTES:
+                raise ChildLostError(f"it sent a message of more than {MAX_MESSAGE_BYTES} bytes")
+            if not self._connection.poll(max(0.0, deadline - time.monotonic())):
+                return None
+            self._received += self._read_available()
+        line, _, rest = self._received.partition(b"\n")
+        self._received = rest
         try:
-            message = json.loads(self._connection.recv_bytes(MAX_MESSAGE_BYTES))
-        except (EOFError, OSError, ValueError) as error:
-            raise ChildLostError(self._epitaph()) from error
-        if not isinstance(message, dict):
-            raise ChildLostError("it sent something that is no message")
-        return message
+            return decode(bytes(line))
+        except MessageError as error:
+            raise ChildLostError(str(error)) from error
 
     def kill(self) -> None:
         """End the child and its process group at once."""
         with _processes:
-            if not self._closed and self._process.is_alive():
+            if not self._is_closed and self._process.is_alive():
                 assert self._process.pid is not None  # noqa: S101
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(self._process.pid, signal.SIGKILL)
                 self._process.kill()
 
     def close(self) -> None:
-        """Wait until the child is gone, killing it if it lingers, and give back what it used."""
+        """Wait until the child has ended, killing it after a second, and free what it used."""
         if not wait([self._process.sentinel], timeout=1.0):
             self.kill()
             wait([self._process.sentinel])
         with _processes:
             self._process.join()
             self._process.close()
-            self._closed = True
+            self._is_closed = True
         self._connection.close()
 
-    def _epitaph(self) -> str:
+    def _read_available(self) -> bytes:
+        try:
+            data = os.read(self._connection.fileno(), _READ_BYTES)
+        except OSError as error:
+            raise ChildLostError(self._exit_reason()) from error
+        if not data:
+            raise ChildLostError(self._exit_reason())
+        return data
+
+    def _exit_reason(self) -> str:
         wait([self._process.sentinel], timeout=1.0)
         with _processes:
             code = self._process.exitcode
+        if code is None:
+            return "its process closed the connection"
         if code == FORKSERVER_GONE:
             return "the process that it was forked from was ended, and it with that"
-        if code is not None and code < 0:
+        if code < 0:
             return f"its process was ended by {signal.Signals(-code).name}"
         return f"its process ended with code {code}"
 
 
 def _start(process: Any) -> None:
-    """Start the process; a forkserver that has just been killed is replaced at the next try."""
-    for last_try in (False,) * (START_TRIES - 1) + (True,):
+    """Start the process; multiprocessing replaces a killed forkserver at the next try."""
+    for tries_left in reversed(range(START_TRIES)):
         try:
             process.start()
             return
         except (OSError, EOFError) as error:
-            if last_try:
+            if not tries_left:
                 raise ChildLostError("its process could not be started") from error
-            time.sleep(START_PAUSE_S)  # the system takes a moment to bury the forkserver
+            time.sleep(START_PAUSE_S)

@@ -1,42 +1,59 @@
-"""The clouds of a job that are not here yet, fetched in a child process that decodes nothing."""
+"""Task that fetches the clouds of a job from their URLs; it decodes nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
 from service.clouds.inputs import CloudInput
-from service.outbound import HttpCache, fetch
+from service.outbound import FetchRules, HttpCache, fetch
 from service.outbound.errors import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore
-from service.workers.task import FetchTask
+from service.workers.messages import Fetched, StoredBlob
+from service.workers.progress import ProgressReport
+from service.workers.task import Task
 
 
-def is_needed(cloud: CloudInput) -> bool:
-    """Whether the cloud is not here yet."""
+def needs_fetching(cloud: CloudInput) -> bool:
+    """Return whether the cloud is a URL that has not been fetched yet."""
     return cloud.sha256 is None and cloud.url is not None
 
 
-def fetched(task: FetchTask, report: Callable[[str, float], None]) -> dict[str, Any]:
-    """Source and target as they are once they are here; AddressRefusedError, FetchError."""
-    report("fetch", 0.0)
-    blobs = BlobStore(task.data_dir, incoming=task.scratch)
-    known = HttpCache(task.data_dir, blobs, task.tenant)
-    return {
-        role: asdict(_here(role, cloud, task, blobs, known))
-        for role, cloud in (("source", task.source), ("target", task.target))
-    }
+@dataclass(frozen=True, slots=True)
+class FetchInputs(Task):
+    """Fetch those clouds of a job that need it."""
 
+    uses_network: ClassVar[bool] = True
 
-def _here(
-    role: str, cloud: CloudInput, task: FetchTask, blobs: BlobStore, known: HttpCache
-) -> CloudInput:
-    if not is_needed(cloud):
-        return cloud
-    assert cloud.url is not None  # noqa: S101
-    try:
-        blob = fetch(cloud.url, task.rules, blobs, known)
-    except (AddressRefusedError, FetchError) as error:
-        raise type(error)(f"{role}: {error}") from error
-    return replace(cloud, sha256=blob.sha256, size=blob.size)
+    source: CloudInput
+    target: CloudInput
+    rules: FetchRules
+
+    def perform(self, report: ProgressReport) -> Fetched:
+        """Fetch and store the clouds.
+
+        Raises
+        ------
+        AddressRefusedError
+            A URL may not be fetched.
+        FetchError
+            A URL could not be fetched; the subclass says why.
+        """
+        report.send("fetch", 0.0)
+        with report.stage("fetch"):
+            source = self._fetch_if_needed("source", self.source)
+            target = self._fetch_if_needed("target", self.target)
+        return Fetched(source, target, report.timing)
+
+    def _fetch_if_needed(self, role: str, cloud: CloudInput) -> StoredBlob | None:
+        if not needs_fetching(cloud):
+            return None
+        assert cloud.url is not None  # noqa: S101
+        environment = self.environment
+        blobs = BlobStore(environment.data_dir, incoming=environment.scratch)
+        cache = HttpCache(environment.data_dir, blobs, environment.tenant)
+        try:
+            blob = fetch(cloud.url, self.rules, blobs, cache)
+        except (AddressRefusedError, FetchError) as error:
+            raise type(error)(f"{role}: {error}") from error
+        return StoredBlob(blob.sha256, blob.size)

@@ -1,4 +1,4 @@
-"""What is done from time to time: expired leases, deadlines, results, jobs and files."""
+"""A thread that calls the clean-up tasks of a service at regular intervals."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 
 log = logging.getLogger(__name__)
 
-Task = Callable[[], object]
+MaintenanceTask = Callable[[], object]
 
 
 class Maintenance:
-    """A thread that calls all tasks, in their order, every `interval_s` seconds."""
+    """A thread that calls all tasks, in order, every `interval_s` seconds."""
 
-    def __init__(self, tasks: Sequence[Task], interval_s: float) -> None:
+    def __init__(self, tasks: Sequence[MaintenanceTask], interval_s: float) -> None:
         self._tasks = tasks
         self._interval_s = interval_s
         self._stopping = threading.Event()
@@ -25,17 +25,17 @@ class Maintenance:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the thread once the task under way has ended."""
+        """Stop the thread after the task that is running."""
         self._stopping.set()
         self._thread.join()
 
     def run_once(self) -> None:
-        """Call every task; one that fails is logged and keeps no other from its turn."""
+        """Call every task; log one that fails and go on with the next."""
         for task in self._tasks:
             try:
                 task()
             except Exception:
-                log.exception("a maintenance task failed; it is called again in its turn")
+                log.exception("a maintenance task failed; it is called again at its next turn")
 
     def _run(self) -> None:
         while not self._stopping.wait(self._interval_s):

@@ -1,4 +1,4 @@
-"""The embedded queue: threads that claim waiting jobs and supervise one child process each."""
+"""Threads that claim waiting jobs and supervise one child process each."""
 
 from __future__ import annotations
 
@@ -17,20 +17,16 @@ from service.telemetry.json_logs import job_context
 from service.workers.child import Child, prepare_forkserver
 from service.workers.supervisor import LEASE_S, AttemptSupervisor
 
-POLL_S = 1.0
+POLL_INTERVAL_S = 1.0
+"""Interval of the checks for jobs that another service on the same database has accepted."""
 
 log = logging.getLogger(__name__)
 
 
 class WorkerPool:
-    """Runs as many jobs at once as there are workers; the store says which is next."""
+    """Runs as many jobs at once as there are workers; the store decides which is next."""
 
-    def __init__(
-        self,
-        transitions: JobTransitions,
-        blobs: BlobStore,
-        settings: Settings,
-    ) -> None:
+    def __init__(self, transitions: JobTransitions, blobs: BlobStore, settings: Settings) -> None:
         self._transitions = transitions
         self._blobs = blobs
         self._settings = settings
@@ -51,18 +47,18 @@ class WorkerPool:
 
     @property
     def is_stopping(self) -> bool:
-        """Whether no job is begun any more."""
+        """Whether no further job is started."""
         return self._stopping.is_set()
 
     @property
     def is_stopped(self) -> bool:
-        """Whether nothing will happen to any job any more: there is nothing to wait for."""
+        """Whether all threads have ended, so that no job changes any more."""
         return self._stopped.is_set()
 
     def start(self) -> None:
-        """Take up what a former process left behind, and begin to work."""
+        """Recover the jobs of a killed process and start the threads."""
         lost = self._transitions.requeue_orphans()
-        discard_scratch(self._settings.data_dir, self._transitions.running)
+        discard_scratch(self._settings.data_dir)
         if lost:
             log.warning("%d registrations were interrupted", lost)
         prepare_forkserver(self._settings.threads)
@@ -70,17 +66,17 @@ class WorkerPool:
             thread.start()
 
     def notify(self) -> None:
-        """A job was added."""
+        """Wake a thread, because a job was added."""
         self._wake.release()
 
     def kill(self, job_id: str) -> None:
-        """End the child of a job that the store has already ended."""
+        """Kill the child of a job that the store has already ended."""
         running = self._running.get(job_id)
         if running is not None:
             running[1].kill()
 
     def stop(self, grace_s: float = 0.0) -> None:
-        """Begin nothing more; what still runs after the grace is ended and waits again."""
+        """Start no further job; kill and requeue what still runs after the grace time."""
         self._stopping.set()
         for _ in self._threads:
             self._wake.release()
@@ -99,24 +95,26 @@ class WorkerPool:
         self._running[job.id] = (job, child)
 
     def _serve(self) -> None:
-        worker = AttemptSupervisor(self._transitions, self._blobs, self._settings, self._remember)
+        supervisor = AttemptSupervisor(
+            self._transitions, self._blobs, self._settings, self._remember
+        )
         while not self._stopping.is_set():
             try:
-                if worker.standby.is_ready():
+                if supervisor.spare.is_ready():
                     self._warm.set()
-                self._work_or_wait(worker)
+                self._work_or_wait(supervisor)
             except Exception:
                 log.exception("a worker thread met an unexpected error and goes on")
-                self._stopping.wait(POLL_S)
-        worker.standby.close()
+                self._stopping.wait(POLL_INTERVAL_S)
+        supervisor.spare.close()
 
-    def _work_or_wait(self, worker: AttemptSupervisor) -> None:
+    def _work_or_wait(self, supervisor: AttemptSupervisor) -> None:
         job = self._transitions.claim(lease_s=LEASE_S)
         if job is None:
-            self._wake.acquire(timeout=POLL_S)
+            self._wake.acquire(timeout=POLL_INTERVAL_S)
             return
         try:
             with job_context(job.id):
-                worker.work(job)
+                supervisor.run_attempt(job)
         finally:
             self._running.pop(job.id, None)

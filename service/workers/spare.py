@@ -1,4 +1,4 @@
-"""One child ahead: it is started before there is a job for it, so that no job waits for a fork."""
+"""A spare child process, started ahead of need, so that no task waits for a fork."""
 
 from __future__ import annotations
 
@@ -6,41 +6,49 @@ import contextlib
 
 from service.workers.child import Child, ChildLostError
 
-START_S = 120.0
-"""Seconds that a child may take: before the first, the forkserver may have to compile kernels."""
-
 
 class SpareChild:
-    """Belongs to one worker thread."""
+    """The next child of one thread, and the last one while it ends."""
 
     def __init__(self) -> None:
         self._next: Child | None = None
         self._ending: Child | None = None
 
-    def begin(self) -> None:
-        """Start the next child, unless it is there; it gets ready by itself."""
+    def start(self) -> None:
+        """Start the next child unless there is one; do not wait until it is ready."""
         if self._next is None or not self._next.is_alive:
             self._discard_next()
             with contextlib.suppress(ChildLostError):
                 self._next = Child()
 
     def is_ready(self) -> bool:
-        """Whether the next child is there and ready; waits for it."""
-        self.begin()
-        if self._next is not None and not self._next.is_ready(START_S):
+        """Start the next child if needed, wait for it, and return whether it is ready."""
+        self.start()
+        if self._next is not None and not self._next.wait_until_ready():
             self._discard_next()
         return self._next is not None
 
     def take(self) -> Child:
-        """The next child, ready; ChildLostError when none can be had."""
+        """Return the next child once it is ready.
+
+        Raises
+        ------
+        ChildLostError
+            No child could be started.
+        """
         self.is_ready()
         child, self._next = self._next, None
         if child is None:
             raise ChildLostError("no process could be started")
         return child
 
-    def let_end(self, child: Child) -> None:
-        """Close a child that is about to end by itself, later: the system takes its time."""
+    def close_later(self, child: Child) -> None:
+        """Close a child that is ending by itself when the next one is handed in: that takes time.
+
+        See Also
+        --------
+        close : closes it as well.
+        """
         self._close_ending()
         self._ending = child
 

@@ -1,213 +1,235 @@
-"""Supervision of one attempt: child process, progress, heartbeat, timeout, outcome."""
+"""Supervision of one attempt: child process, progress, heartbeat, time limits, outcome."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
-import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from service.clouds.inputs import CloudInput
 from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
 from service.jobs.transitions import JobTransitions
 from service.outbound import FetchRules
-from service.problems import (
-    DeadlineError,
-    JobTimeoutError,
-    NotReadyError,
-    ServiceError,
-    error_document,
-)
+from service.problems import DeadlineError, JobTimeoutError, NotReadyError, error_document
 from service.settings import Settings
 from service.storage.blobs import BlobStore
-from service.storage.scratch import scratch_of
+from service.storage.scratch import scratch_folder
 from service.workers.child import Child, ChildLostError
-from service.workers.fetch_inputs import is_needed
-from service.workers.sandbox.limits import Limits
+from service.workers.fetch_inputs import FetchInputs, needs_fetching
+from service.workers.messages import (
+    Answer,
+    Failed,
+    Fetched,
+    Message,
+    Progress,
+    StoredBlob,
+    Succeeded,
+)
+from service.workers.register_clouds import RegisterClouds
 from service.workers.spare import SpareChild
-from service.workers.task import FetchTask, Task
+from service.workers.task import Task, TaskEnvironment
 
 LEASE_S = 30.0
+"""Lease of an attempt; another service may take the job when it is not extended for that long."""
 HEARTBEAT_S = LEASE_S / 3
-LOOK_S = 0.5
-"""Another service on the same database may cancel the job: so often is it looked at."""
+"""Interval at which the lease is extended."""
+POLL_INTERVAL_S = 0.5
+"""Interval of the checks whether another service on the same database has cancelled the job."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptSupervisor:
-    """Runs attempts, each in a child process; belongs to one thread, which waits meanwhile."""
+    """Runs attempts, each in a child process; belongs to one thread."""
 
     transitions: JobTransitions
     blobs: BlobStore
     settings: Settings
     started: Callable[[JobRow, Child], None]
-    """Called with the job and its child, so that a cancel can kill it."""
-    standby: SpareChild = field(default_factory=SpareChild)
+    """Called with the job and each of its children, so that a cancel can kill it."""
+    spare: SpareChild = field(default_factory=SpareChild)
 
-    def work(self, job: JobRow) -> None:
-        """One attempt at a claimed job, to its end in the store."""
-        scratch = scratch_of(self.settings.data_dir, job.id, job.attempt)
-        scratch.mkdir(parents=True)
-        try:
-            self._attempt(job, scratch)
-        except ChildLostError as lost:
-            if self.transitions.record_lost_attempt(job, str(lost)):
-                log.warning("attempt %d was lost: %s", job.attempt, lost)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+    def run_attempt(self, job: JobRow) -> None:
+        """Run one attempt at a claimed job and record how it ends."""
+        with scratch_folder(self.settings.data_dir, f"{job.id}-{job.attempt}") as scratch:
+            try:
+                self._attempt(job, scratch)
+            except (JobTimeoutError, DeadlineError) as error:
+                document = error_document(error)
+                _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
+            except ChildLostError as lost:
+                reason = str(lost)
+                if _retry_while_unavailable(
+                    lambda: self.transitions.record_lost_attempt(job, reason)
+                ):
+                    log.warning("attempt %d was lost: %s", job.attempt, reason)
 
     def _attempt(self, job: JobRow, scratch: Path) -> None:
-        bound = self._bound(job)
-        here: JobRow | None = job
-        if is_needed(job.source) or is_needed(job.target):
-            fetched = self._perform(job, self._fetch_task(job, scratch), bound)
-            here = None if fetched is None else self._record_fetched(job, fetched)
-        if here is not None:
-            answer = self._perform(here, self._task(here, scratch), bound)
-            if answer is not None:
-                self._conclude(here, answer)
+        environment = TaskEnvironment.create(
+            job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self.settings
+        )
+        limit = self._time_limit(job)
+        if needs_fetching(job.source) or needs_fetching(job.target):
+            rules = FetchRules.of(self.settings)
+            fetch = FetchInputs(environment, job.source, job.target, rules)
+            fetched_job = self._record_fetched(job, self._perform(job, fetch, limit))
+            if fetched_job is None:
+                return
+            job = fetched_job
+        register = RegisterClouds(environment, job.source, job.target, job.options)
+        self._record_outcome(job, self._perform(job, register, limit))
 
-    def _perform(self, job: JobRow, task: FetchTask | Task, bound: _Bound) -> dict[str, Any] | None:
-        """What a child answers to the task; None when it had to end before."""
-        child = self.standby.take()
+    def _perform(self, job: JobRow, task: Task, limit: _TimeLimit) -> Answer | None:
+        """Have a child perform the task; return None when the job has been taken away."""
+        child = self.spare.take()
         answer = None
         try:
             self.started(job, child)
-            child.hand(task)
-            answer = self._follow(job, child, bound)
+            child.send_task(task)
+            answer = self._await_answer(job, child, limit)
         finally:
             child.kill()
             if answer is None:
                 child.close()
             else:
-                self.standby.let_end(child)
+                self.spare.close_later(child)
         return answer
 
-    def _follow(self, job: JobRow, child: Child, bound: _Bound) -> dict[str, Any] | None:
-        """Record how far the child is, until it answers; None when it must end."""
-        beat = time.time() + HEARTBEAT_S
-        mine = True
-        while mine:
+    def _await_answer(self, job: JobRow, child: Child, limit: _TimeLimit) -> Answer | None:
+        """Record the child's progress and extend the lease until it answers.
+
+        Returns
+        -------
+        Answer or None
+            None when the attempt is no longer the job's.
+
+        Raises
+        ------
+        JobTimeoutError, DeadlineError
+            The time is over.
+        ChildLostError
+            The child ended or sent nonsense.
+        """
+        next_heartbeat = time.time() + HEARTBEAT_S
+        is_current = True
+        while is_current:
             now = time.time()
-            if now >= bound.at:
-                self.transitions.fail(job, error_document(bound.error), {})
-                return None
-            message = child.receive(min(bound.at - now, LOOK_S))
-            if message is not None and "stage" not in message:
+            if now >= limit.at:
+                raise limit.error
+            message = child.receive(min(limit.at - now, POLL_INTERVAL_S))
+            if isinstance(message, Answer):
                 return message
-            with contextlib.suppress(NotReadyError):  # the lease lasts while the store is away
-                if now >= beat:
-                    mine = self.transitions.extend_lease(job, lease_s=LEASE_S)
-                    beat = now + HEARTBEAT_S
-                mine = mine and self._is_mine(job, message)
+            with contextlib.suppress(NotReadyError):  # the lease outlasts a short outage
+                if now >= next_heartbeat:
+                    is_current = self.transitions.extend_lease(job, lease_s=LEASE_S)
+                    next_heartbeat = now + HEARTBEAT_S
+                is_current = is_current and self._is_current_attempt(job, message)
             if message is not None:
-                self.standby.begin()  # for the next task, while this one runs
+                self.spare.start()  # for the next task, while this one runs
         return None
 
-    def _is_mine(self, job: JobRow, message: dict[str, Any] | None) -> bool:
-        """Record how far the child is, if it said so; False when the job has been taken away."""
-        if message is None:
-            return self.transitions.is_current(job)
-        return self.transitions.record_progress(job, message["stage"], message["fraction"])
+    def _is_current_attempt(self, job: JobRow, message: Message | None) -> bool:
+        """Record progress, if any, and return whether the job still belongs to this attempt."""
+        if isinstance(message, Progress):
+            return self.transitions.record_progress(job, message.stage, message.fraction)
+        return self.transitions.is_current(job)
 
-    def _record_fetched(self, job: JobRow, answer: dict[str, Any]) -> JobRow | None:
-        """The job with its clouds here; None when it is not to be gone on with."""
-        if "error" in answer:
-            _insist(lambda: self.transitions.fail(job, answer["error"], answer["timing"]))
+    def _record_fetched(self, job: JobRow, answer: Answer | None) -> JobRow | None:
+        """Return the job with its clouds stored; None when the attempt is over."""
+        if not isinstance(answer, Fetched):
+            self._record_failure(job, answer)
             return None
-        source, target = _clouds(answer["fetched"])
-        self._keep(source.sha256, target.sha256)
-        here = replace(job, source=source, target=target, timing=answer["timing"])
-        return here if _insist(lambda: self.transitions.record_inputs(here)) else None
+        source = self._with_content(job.source, answer.source)
+        target = self._with_content(job.target, answer.target)
+        fetched = replace(job, source=source, target=target, timing=answer.timing)
+        return (
+            fetched
+            if _retry_while_unavailable(lambda: self.transitions.record_inputs(fetched))
+            else None
+        )
 
-    def _conclude(self, job: JobRow, answer: dict[str, Any]) -> None:
-        if "error" in answer:
-            timing = job.timing | answer["timing"]
-            _insist(lambda: self.transitions.fail(job, answer["error"], timing))
-        else:
-            outcome = _outcome(answer["outcome"], job.timing)
-            self._keep(outcome.result_sha256, outcome.inliers_sha256)
-            key = hash_work(outcome.source, outcome.target, job.options)
-            _insist(lambda: self.transitions.succeed(job, outcome, key))
+    def _with_content(self, cloud: CloudInput, blob: StoredBlob | None) -> CloudInput:
+        if not needs_fetching(cloud):
+            return cloud
+        if blob is None:
+            raise ChildLostError("it left out a file that it was to fetch")
+        self._protect_blobs(blob)
+        return replace(cloud, sha256=blob.sha256, size=blob.size)
 
-    def _keep(self, *blobs: str | None) -> None:
-        """Spare what the child has stored until the row refers to it."""
+    def _record_outcome(self, job: JobRow, answer: Answer | None) -> None:
+        if not isinstance(answer, Succeeded):
+            self._record_failure(job, answer)
+            return
+        self._protect_blobs(answer.result, answer.inliers)
+        outcome = Outcome(
+            result_sha256=answer.result.sha256,
+            inliers_sha256=answer.inliers.sha256,
+            result_bytes=answer.result.size + answer.inliers.size,
+            confidence=answer.confidence,
+            source=job.source,
+            target=job.target,
+            timing=job.timing | answer.timing,
+            warnings=answer.warnings,
+        )
+        key = hash_work(job.source, job.target, job.options)
+        _retry_while_unavailable(lambda: self.transitions.succeed(job, outcome, key))
+
+    def _record_failure(self, job: JobRow, answer: Answer | None) -> None:
+        """Record a Failed; do nothing without an answer.
+
+        Raises
+        ------
+        ChildLostError
+            The answer is that to another task.
+        """
+        if isinstance(answer, Failed):
+            problem, timing = asdict(answer.problem), job.timing | answer.timing
+            _retry_while_unavailable(lambda: self.transitions.fail(job, problem, timing))
+        elif answer is not None:
+            raise ChildLostError(f"it answered {answer.kind!r} to another task")
+
+    def _protect_blobs(self, *blobs: StoredBlob) -> None:
+        """Keep what the child has stored from the clean-up until a row refers to it."""
         try:
-            for sha256 in filter(None, blobs):
-                self.blobs.touch(sha256)
+            for blob in blobs:
+                self.blobs.touch(blob.sha256)
         except FileNotFoundError as error:
             raise ChildLostError("what it stored was removed before it was recorded") from error
 
-    def _bound(self, job: JobRow) -> _Bound:
-        """When the attempt must end, and why then."""
+    def _time_limit(self, job: JobRow) -> _TimeLimit:
+        """Return the earlier of the attempt's time limit and the caller's deadline."""
         allowed = self.settings.job_timeout_s
         timeout = JobTimeoutError(f"The attempt was ended after the allowed {allowed:g} s.")
-        bounds = [_Bound(time.time() + allowed, timeout)]
+        limits = [_TimeLimit(time.time() + allowed, timeout)]
         if job.deadline_at is not None:
             late = DeadlineError("The attempt was ended when the deadline passed.")
-            bounds.append(_Bound(job.deadline_at, late))
-        return min(bounds, key=lambda bound: bound.at)
-
-    def _limits(self) -> Limits:
-        cpu_s = int(self.settings.threads * self.settings.job_timeout_s) + 10
-        return Limits(memory_bytes=self.settings.job_memory_bytes, cpu_s=cpu_s)
-
-    def _fetch_task(self, job: JobRow, scratch: Path) -> FetchTask:
-        return FetchTask(
-            job_id=job.id,
-            tenant=job.tenant,
-            source=job.source,
-            target=job.target,
-            data_dir=self.settings.data_dir,
-            scratch=scratch,
-            limits=self._limits(),
-            rules=FetchRules.of(self.settings),
-        )
-
-    def _task(self, job: JobRow, scratch: Path) -> Task:
-        settings = self.settings
-        return Task(
-            job_id=job.id,
-            tenant=job.tenant,
-            source=job.source,
-            target=job.target,
-            options=job.options,
-            data_dir=settings.data_dir,
-            scratch=scratch,
-            threads=settings.threads,
-            limits=self._limits(),
-        )
-
-
-def _insist(record: Callable[[], bool]) -> bool:
-    """What the store answers, asked again while it is away, as long as the lease may last."""
-    until = time.monotonic() + LEASE_S
-    while time.monotonic() < until:
-        with contextlib.suppress(NotReadyError):
-            return record()
-        time.sleep(LOOK_S)
-    return record()
+            limits.append(_TimeLimit(job.deadline_at, late))
+        return min(limits, key=lambda limit: limit.at)
 
 
 @dataclass(frozen=True, slots=True)
-class _Bound:
+class _TimeLimit:
     at: float
     """Seconds since the epoch."""
-    error: ServiceError
+    error: JobTimeoutError | DeadlineError
 
 
-def _clouds(message: dict[str, Any]) -> tuple[CloudInput, CloudInput]:
-    return CloudInput(**message["source"]), CloudInput(**message["target"])
+def _retry_while_unavailable(record: Callable[[], bool]) -> bool:
+    """Call `record` until the store answers, at most as long as the lease lasts.
 
-
-def _outcome(message: dict[str, Any], timing: dict[str, float]) -> Outcome:
-    source, target = _clouds(message)
-    said = {"source": source, "target": target, "timing": timing | message["timing"]}
-    return Outcome(**message | said)
+    Raises
+    ------
+    NotReadyError
+        The store was unavailable all the time.
+    """
+    deadline = time.monotonic() + LEASE_S
+    while time.monotonic() < deadline:
+        with contextlib.suppress(NotReadyError):
+            return record()
+        time.sleep(POLL_INTERVAL_S)
+    return record()

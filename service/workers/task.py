@@ -1,40 +1,60 @@
-"""What the service process hands to a child; light enough to be imported on both sides."""
+"""Tasks that the service process hands to a child process.
+
+Tasks are imported on both sides: a module that defines one loads no kernels. What `perform` needs
+of them it imports itself; the forkserver has loaded them by then.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import ClassVar, Self
 
-from service.clouds.inputs import CloudInput
-from service.outbound import FetchRules
-from service.workers.sandbox.limits import Limits
+from service.settings import Settings
+from service.workers.messages import Answer
+from service.workers.progress import ProgressReport
+from service.workers.sandbox.limits import ResourceLimits
 
-
-@dataclass(frozen=True, slots=True)
-class FetchTask:
-    """All that is needed to fetch the clouds of a job that are not here yet."""
-
-    job_id: str
-    tenant: str
-    source: CloudInput
-    target: CloudInput
-    data_dir: Path
-    scratch: Path
-    limits: Limits
-    rules: FetchRules
+CPU_SLACK_S = 10
+"""CPU seconds beyond the time limit, so that the wall clock ends a task first."""
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """All that is needed to decode and register two clouds that are here."""
+class TaskEnvironment:
+    """Where a task runs and what it may take."""
 
     job_id: str
     tenant: str
-    source: CloudInput
-    target: CloudInput
-    options: dict[str, Any]
     data_dir: Path
     scratch: Path
+    """Folder for unfinished files; the parent removes it."""
     threads: int
-    limits: Limits
+    limits: ResourceLimits
+
+    @classmethod
+    def create(cls, *, job_id: str, tenant: str, scratch: Path, settings: Settings) -> Self:
+        """Return the environment of a task of a job."""
+        cpu_s = int(settings.threads * settings.job_timeout_s) + CPU_SLACK_S
+        return cls(
+            job_id=job_id,
+            tenant=tenant,
+            data_dir=settings.data_dir,
+            scratch=scratch,
+            threads=settings.threads,
+            limits=ResourceLimits(memory_bytes=settings.job_memory_bytes, cpu_s=cpu_s),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Task(ABC):
+    """Work for one child process."""
+
+    uses_network: ClassVar[bool] = False
+    """Whether the child keeps its network; a task that decodes files must not."""
+
+    environment: TaskEnvironment
+
+    @abstractmethod
+    def perform(self, report: ProgressReport) -> Answer:
+        """Do the work in this process and return the answer; raise what prevents it."""

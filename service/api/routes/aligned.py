@@ -2,24 +2,47 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-import tempfile
-import threading
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse
-from starlette.background import BackgroundTask
 
 from service.api.dependencies import CurrentRuntime, RequestedJob
 from service.problems import ExpiredError, ResultNotReadyError
-from service.workers.export import Alignment, write_aligned
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 FILE = "application/octet-stream"
-_at_once = threading.BoundedSemaphore(2)  # each takes the memory of two decoded clouds
+
+
+def _export(
+    job: RequestedJob,
+    runtime: CurrentRuntime,
+    format: Annotated[
+        Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
+    ] = "ply",
+    merged: Annotated[
+        bool,
+        Query(
+            description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."
+        ),
+    ] = False,
+) -> Iterator[Path]:
+    """Write the file and remove it once the response has been sent."""
+    if job.status != "succeeded":
+        raise ResultNotReadyError(
+            f"The registration is {job.status}; only a result can be applied."
+        )
+    blobs = (job.result_sha256, job.source.sha256, job.target.sha256)
+    result, *clouds = (None if blob is None else runtime.blobs.path(blob) for blob in blobs)
+    if result is None or not all(path and path.exists() for path in (result, *clouds)):
+        raise ExpiredError("The result or a cloud has expired; register the clouds again.")
+    transform = json.loads(result.read_bytes())["transform"]
+    with runtime.exporter.export(job, transform, format=format, merged=merged) as path:
+        yield path
 
 
 @router.get(
@@ -35,50 +58,6 @@ _at_once = threading.BoundedSemaphore(2)  # each takes the memory of two decoded
         }
     },
 )
-def aligned(
-    job: RequestedJob,
-    runtime: CurrentRuntime,
-    format: Annotated[
-        Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
-    ] = "ply",
-    merged: Annotated[
-        bool,
-        Query(
-            description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."
-        ),
-    ] = False,
-) -> FileResponse:
-    """Written when it is asked for, by a process of its own."""
-    if job.status != "succeeded":
-        raise ResultNotReadyError(
-            f"The registration is {job.status}; only a result can be applied."
-        )
-    paths = [runtime.blobs.path(sha) for sha in (job.result_sha256, job.source.sha256) if sha]
-    target = runtime.blobs.path(job.target.sha256) if job.target.sha256 else None
-    if len(paths) < 2 or target is None or not all(path.exists() for path in (*paths, target)):
-        raise ExpiredError("The result or a cloud has expired; register the clouds again.")
-    output = tempfile.NamedTemporaryFile(dir=runtime.blobs.incoming, prefix="aligned-")  # noqa: SIM115
-    fcntl.flock(output, fcntl.LOCK_EX)  # or a service that starts takes it for a dead one's
-    alignment = Alignment(
-        transform=json.loads(paths[0].read_bytes())["transform"],
-        source=str(paths[1]),
-        source_reading=job.source.reading,
-        target=str(target) if merged else None,
-        target_reading=job.target.reading,
-        format=format,
-        output=output.name,
-        memory_bytes=runtime.settings.job_memory_bytes,
-        timeout_s=runtime.settings.job_timeout_s,
-    )
-    try:
-        with _at_once:
-            write_aligned(alignment)
-    except BaseException:
-        output.close()
-        raise
-    return FileResponse(
-        output.name,
-        media_type=FILE,
-        filename=f"{job.id}-aligned.{format}",
-        background=BackgroundTask(output.close),
-    )
+def aligned(job: RequestedJob, path: Annotated[Path, Depends(_export)]) -> FileResponse:
+    """Write the file on demand, in a process of its own."""
+    return FileResponse(path, media_type=FILE, filename=f"{job.id}-{path.name}")

@@ -1,4 +1,4 @@
-"""What a worker process may take from the system, and that it never outlives its parent."""
+"""Resource limits, priority and lifetime of a child process."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ import signal
 import sys
 from dataclasses import dataclass
 
-PR_SET_PDEATHSIG = 1
-PR_SET_NAME = 15
 IDLE_NAME, BUSY_NAME = "mpe-idle", "mpe-busy"
-"""What workers are called in lists of processes."""
+"""Process names of a child without and with a task."""
 MAX_OPEN_FILES = 256
+"""Open files of a child; libraries and readers need some 50."""
 MAX_FILE_BYTES = 64 * 2**30
+"""Length of a file that a child writes, in bytes; the disk is watched elsewhere."""
 AUTOGROUP = "/proc/self/autogroup"
+_PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
 
 _forkserver_pid: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds on one attempt."""
+class ResourceLimits:
+    """What a child process may take from the system."""
 
     memory_bytes: int
     """Address space in bytes."""
     cpu_s: int
-    """Processor seconds, all threads together; the wall clock is watched from outside."""
+    """CPU seconds of all threads together; the parent watches the wall clock."""
 
 
 def remember_forkserver() -> None:
@@ -51,15 +53,15 @@ def forkserver_pid() -> int:
 
 
 def die_with_parent(parent: int) -> None:
-    """Be killed when the process `parent`, which started this one, ends (Linux)."""
-    _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    """Have this process killed when the process `parent`, which started it, ends (Linux)."""
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
 
 
 def name_process(name: str) -> None:
-    """Show this process under the name (Linux)."""
-    _prctl(PR_SET_NAME, name.encode())
+    """Show this process under the name in process lists (Linux)."""
+    _prctl(_PR_SET_NAME, name.encode())
 
 
 def _prctl(option: int, value: int | bytes) -> None:
@@ -67,20 +69,20 @@ def _prctl(option: int, value: int | bytes) -> None:
         ctypes.CDLL(None).prctl(option, value)
 
 
-def lower_priority(by: int) -> None:
-    """Let the processor serve others first; in a session of its own, which is set back as a whole.
+def lower_priority(niceness: int) -> None:
+    """Run at lower CPU priority, so that the API answers first; call in a session of its own.
 
-    Where processes are in no control group Linux shares the processor among sessions first, and by
-    niceness within each: that of a process alone would say nothing to the service. Without
-    privileges it can be set ten times a second, by all together; it is not worth waiting for.
+    Outside control groups Linux schedules by session (autogroup), and niceness ranks only within
+    one: the session's autogroup is reniced as well. The kernel limits how often unprivileged users
+    may do that (ten times a second, together); a refusal is ignored.
     """
-    niceness = os.nice(by)
-    with contextlib.suppress(OSError), open(AUTOGROUP, "w") as session:  # noqa: PTH123
-        session.write(str(niceness))
+    total = os.nice(niceness)
+    with contextlib.suppress(OSError), open(AUTOGROUP, "w") as autogroup:  # noqa: PTH123
+        autogroup.write(str(total))
 
 
-def apply_limits(limits: Limits) -> None:
-    """Bound this process, for good."""
+def apply_limits(limits: ResourceLimits) -> None:
+    """Bound this process irrevocably, in a session and process group of its own."""
     os.setsid()
     bounds = {
         resource.RLIMIT_AS: limits.memory_bytes,

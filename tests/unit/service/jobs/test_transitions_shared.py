@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +14,6 @@ from service.jobs.idempotency import Idempotency
 from service.jobs.queries import JobQueries
 from service.jobs.transitions import JobTransitions
 from service.problems import QueueFullError
-from service.storage.scratch import discard_scratch, scratch_of
 from service.webhooks import outbox as deliveries
 from service.webhooks.outbox import Outbox
 from tests.factories.jobs import LEASE_S, add, claim, new_job, open_transitions
@@ -102,13 +100,3 @@ def test_what_a_killed_sender_had_begun_is_sent_again(
     second.tried(again, {"at": 2.0}, "delivered", None)
     (row,) = second.of_job(slow.job_id)
     assert (row.status, row.tries) == ("delivered", [{"at": 2.0}])
-
-
-def test_scratch_of_what_runs_is_kept(stores: Stores, tmp_path: Path) -> None:
-    add(stores[0]), add(stores[0])
-    runs, ended = claim(stores[0]), claim(stores[1])
-    for job in (runs, ended):
-        scratch_of(tmp_path, job.id, job.attempt).mkdir(parents=True)
-    stores[1].fail(ended, {"detail": "x"}, {})
-    discard_scratch(tmp_path, stores[1].running)
-    assert list((tmp_path / "scratch").iterdir()) == [scratch_of(tmp_path, runs.id, runs.attempt)]

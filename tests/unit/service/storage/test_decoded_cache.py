@@ -30,7 +30,7 @@ def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
         return DecodedCloud(POINTS, "ply", ("odd",))
 
     for tenant in tenants:
-        cloud = prepared.decoded(tenant, HASH, decode, scratch)
+        cloud = prepared.get_or_decode(tenant, HASH, decode, scratch)
         np.testing.assert_array_equal(cloud.points, POINTS)
         assert (cloud.format, cloud.warnings) == ("ply", ("odd",))
     return count

@@ -8,7 +8,7 @@ import sys
 SEALED = """
 import os, socket, subprocess, sys, threading
 import numpy as np
-from service.workers.sandbox.seccomp import seal_off_network
+from service.workers.sandbox.seccomp import drop_network
 
 kept = socket.socket()
 idle = threading.Event()
@@ -27,7 +27,7 @@ def denied(call, *arguments):
 
 thread = threading.Thread(target=in_a_thread)
 thread.start()
-assert seal_off_network()
+assert drop_network()
 idle.set()
 thread.join()
 assert found == [True]

@@ -1,0 +1,164 @@
+"""Exports of aligned clouds: a bounded number of child processes at once."""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from service.jobs.model import JobRow
+from service.problems import (
+    TYPE_PREFIX,
+    JobTimeoutError,
+    NotReadyError,
+    OverloadedError,
+    ProblemType,
+    ServiceError,
+    WorkerLostError,
+)
+from service.settings import Settings
+from service.storage.scratch import scratch_folder
+from service.telemetry.json_logs import job_context
+from service.workers.child import Child, ChildLostError
+from service.workers.export_aligned import ExportAligned
+from service.workers.messages import Answer, Exported, Failed, Problem
+from service.workers.task import TaskEnvironment
+
+MAX_RUNNING = 2
+"""Exports at once; each takes the memory of two decoded clouds."""
+MAX_WAITING = 8
+"""Further exports that wait for their turn; each holds one of the 40 threads of the API."""
+
+
+class ExportError(ServiceError):
+    """The child process could not write the file, for the reason of its problem document."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.detail)
+        slug = problem.type.removeprefix(TYPE_PREFIX)
+        self.problem = ProblemType(problem.status, slug, problem.title)
+
+
+class Exporter:
+    """Writes aligned clouds, each in a child process."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._changed = threading.Condition()
+        self._waiting = 0
+        self._running = 0
+        self._children: set[Child] = set()
+        self._is_stopping = False
+
+    @contextmanager
+    def export(
+        self, job: JobRow, transform: list[list[float]], *, format: str, merged: bool
+    ) -> Iterator[Path]:
+        """Write the source of a registration in its target's frame.
+
+        Parameters
+        ----------
+        job : JobRow
+            The registration; its clouds are stored.
+        transform : list
+            Pose of the source in the target's frame, (4, 4).
+        format : str
+            A key of service.formats.WRITERS.
+        merged : bool
+            Whether the target is appended.
+
+        Yields
+        ------
+        Path
+            The file, which is removed when the context ends.
+
+        Raises
+        ------
+        JobTimeoutError
+            It took longer than MPE_JOB_TIMEOUT_S.
+        OverloadedError
+            Too many exports are waiting.
+        NotReadyError
+            The service is stopping.
+        ExportError, WorkerLostError
+            The child process failed or was lost.
+        """
+        name = f"{job.id}-aligned-{secrets.token_hex(4)}"
+        with scratch_folder(self._settings.data_dir, name) as scratch:
+            environment = TaskEnvironment.create(
+                job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self._settings
+            )
+            target = job.target if merged else None
+            task = ExportAligned(environment, transform, job.source, target, format)
+            with job_context(job.id), self._turn():
+                self._perform(task)
+            yield task.output
+
+    def stop(self) -> None:
+        """Kill the running exports and refuse those that wait."""
+        with self._changed:
+            self._is_stopping = True
+            self._changed.notify_all()
+            for child in self._children:
+                child.kill()
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """Wait until fewer than MAX_RUNNING exports run, and count this one."""
+        with self._changed:
+            if self._waiting >= MAX_WAITING:
+                raise OverloadedError("Too many exports are waiting; retry later.")
+            self._waiting += 1
+            self._changed.wait_for(lambda: self._is_stopping or self._running < MAX_RUNNING)
+            self._waiting -= 1
+            self._running += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._running -= 1
+                self._changed.notify_all()
+
+    def _perform(self, task: ExportAligned) -> None:
+        try:
+            with self._child() as child:
+                answer = _await_answer(child, task, self._settings.job_timeout_s)
+        except ChildLostError as lost:
+            if self._is_stopping:
+                raise NotReadyError("The service is stopping; retry later.") from lost
+            raise WorkerLostError(f"The file could not be written: {lost}.") from lost
+        if isinstance(answer, Failed):
+            raise ExportError(answer.problem)
+
+    @contextmanager
+    def _child(self) -> Iterator[Child]:
+        """Start a child that `stop` can kill; it has ended when the context ends."""
+        child = Child()
+        with self._changed:
+            self._children.add(child)
+            if self._is_stopping:
+                child.kill()
+        try:
+            yield child
+        finally:
+            with self._changed:
+                self._children.discard(child)
+            child.kill()
+            child.close()
+
+
+def _await_answer(child: Child, task: ExportAligned, timeout_s: float) -> Answer:
+    if not child.wait_until_ready():
+        raise ChildLostError("its process did not get ready")
+    child.send_task(task)
+    deadline = time.monotonic() + timeout_s
+    while (left_s := deadline - time.monotonic()) > 0:
+        message = child.receive(left_s)
+        if isinstance(message, Exported | Failed):
+            return message
+        if message is not None:
+            raise ChildLostError(f"it answered {message.kind!r} to another task")
+    raise JobTimeoutError(f"The export was ended after the allowed {timeout_s:g} s.")

@@ -1,0 +1,151 @@
+"""Messages of a child process to the service process: one JSON document a line.
+
+The child reads strangers' files, so the parent trusts nothing that it sends: `decode` raises
+MessageError for all but a valid message.
+
+A child sends Ready, then any number of Progress, then one answer: Fetched, Succeeded or Exported,
+each to one kind of task, or Failed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+MAX_MESSAGE_BYTES = 1 << 20
+"""Length of an encoded message; MAX_WARNINGS of MAX_TEXT_LENGTH fit, every character escaped."""
+MAX_TEXT_LENGTH = 4_000
+"""Characters of a text that a caller may see."""
+MAX_WARNINGS = 40
+"""Number of warnings of a registration."""
+
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Text = Annotated[str, Field(max_length=MAX_TEXT_LENGTH)]
+Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Timing = Annotated[dict[Name, Seconds], Field(max_length=40)]
+"""Seconds by stage; the keys are those of the API, such as `decode_s`."""
+
+_STRICT = ConfigDict(strict=True, extra="forbid")
+
+
+class MessageError(ValueError):
+    """The bytes are no valid message."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredBlob:
+    """A blob that the child has stored."""
+
+    __pydantic_config__ = _STRICT
+    sha256: Sha256
+    size: Annotated[int, Field(ge=0, lt=2**63)]
+    """Length in bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """The problem document (RFC 9457) of a failure."""
+
+    __pydantic_config__ = _STRICT
+    type: Annotated[str, Field(pattern=r"^urn:mpe:problem:[a-z0-9-]{1,40}$")]
+    title: Annotated[str, Field(max_length=200)]
+    status: Annotated[int, Field(ge=400, le=599)]
+    detail: Text
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """The child waits for its task."""
+
+    __pydantic_config__ = _STRICT
+    kind: Literal["ready"] = "ready"
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far the task is."""
+
+    __pydantic_config__ = _STRICT
+    stage: Name
+    fraction: Fraction
+    """Share of the whole task that is done."""
+    kind: Literal["progress"] = "progress"
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """The inputs of a registration are stored."""
+
+    __pydantic_config__ = _STRICT
+    source: StoredBlob | None
+    """The fetched file; None where none was to be fetched."""
+    target: StoredBlob | None
+    timing: Timing
+    kind: Literal["fetched"] = "fetched"
+
+
+@dataclass(frozen=True, slots=True)
+class Succeeded:
+    """The clouds are registered and the result is stored."""
+
+    __pydantic_config__ = _STRICT
+    result: StoredBlob
+    """The result as the JSON text that the API serves."""
+    inliers: StoredBlob
+    """The inlier pairs as .npy."""
+    confidence: Fraction
+    warnings: Annotated[list[Text], Field(max_length=MAX_WARNINGS)]
+    timing: Timing
+    kind: Literal["succeeded"] = "succeeded"
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """The file is written."""
+
+    __pydantic_config__ = _STRICT
+    kind: Literal["exported"] = "exported"
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The task cannot be performed."""
+
+    __pydantic_config__ = _STRICT
+    problem: Problem
+    timing: Timing
+    kind: Literal["failed"] = "failed"
+
+
+Answer = Fetched | Succeeded | Exported | Failed
+Message = Ready | Progress | Answer
+_MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
+
+
+def encode(message: Message) -> bytes:
+    """Return the message as a line of JSON, line end included."""
+    return _MESSAGES.dump_json(message) + b"\n"
+
+
+def decode(line: bytes) -> Message:
+    """Parse and validate a line.
+
+    Raises
+    ------
+    MessageError
+        It is no valid message; the text repeats nothing of it.
+    """
+    try:
+        return _MESSAGES.validate_json(line)
+    except ValidationError as error:
+        reason = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        raise MessageError(f"it sent an invalid message ({reason['type']})") from None
+
+
+def clip(text: str) -> str:
+    """Return the text as a message can hold it: valid Unicode, at most MAX_TEXT_LENGTH long."""
+    return text[:MAX_TEXT_LENGTH].encode(errors="replace").decode()

@@ -1,0 +1,308 @@
+"""Whatever a child does, its attempt ends as it should, and the child with it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from service.clouds.inputs import CloudInput
+from service.database.engine import open_database
+from service.jobs.model import JobRow
+from service.jobs.queries import JobQueries
+from service.jobs.transitions import MAX_LOST_ATTEMPTS, JobTransitions
+from service.problems import NotReadyError
+from service.settings import Settings
+from service.storage.blobs import BlobStore
+from service.workers import supervisor as module
+from service.workers.child import Child, ChildLostError
+from service.workers.fetch_inputs import FetchInputs
+from service.workers.messages import (
+    Exported,
+    Failed,
+    Fetched,
+    Problem,
+    Progress,
+    StoredBlob,
+    Succeeded,
+)
+from service.workers.register_clouds import RegisterClouds
+from service.workers.spare import SpareChild
+from service.workers.supervisor import AttemptSupervisor
+from tests.factories.attempts import FakeChild, FakeSpare, Line
+from tests.factories.jobs import TENANT, add, claim, open_transitions
+
+HERE = CloudInput(sha256="cd" * 32, size=3)
+AWAY = CloudInput(url="http://there/cloud.ply")
+FAILED = Failed(Problem("urn:mpe:problem:cloud-shape", "No cloud", 422, "too flat"), {"d_s": 1.0})
+
+
+@dataclass
+class Attempts:
+    """A store with one job, and a supervisor whose children say what the test wants."""
+
+    jobs: JobQueries
+    transitions: JobTransitions
+    blobs: BlobStore
+    settings: Settings
+    children: list[FakeChild] = field(default_factory=list)
+    started: list[Child] = field(default_factory=list)
+
+    def add(self, **values: Any) -> JobRow:
+        return add(self.transitions, **{"source": HERE, "target": HERE} | values)
+
+    def limit(self, seconds: float) -> None:
+        self.settings = self.settings.model_copy(update={"job_timeout_s": seconds})
+
+    def run(self, *children: list[Line]) -> JobRow:
+        """Run an attempt at the next job with one child after the other; return the job then."""
+        return self.supervise([FakeChild(*lines) for lines in children])
+
+    def supervise(self, children: list[FakeChild]) -> JobRow:
+        job, self.children = claim(self.transitions), children
+        AttemptSupervisor(
+            self.transitions,
+            self.blobs,
+            self.settings,
+            started=lambda job, child: self.started.append(child),
+            spare=cast(SpareChild, FakeSpare(children)),
+        ).run_attempt(job)
+        assert all(child.is_closed for child in children if child.task is not None)
+        assert list((self.settings.data_dir / "scratch").iterdir()) == []
+        return self.now(job)
+
+    def now(self, job: JobRow) -> JobRow:
+        found = self.jobs.get(TENANT, job.id)
+        assert found is not None
+        return found
+
+    def put(self, content: bytes) -> StoredBlob:
+        blob = self.blobs.put([content])
+        return StoredBlob(blob.sha256, blob.size)
+
+    def success(self) -> Succeeded:
+        return Succeeded(self.put(b"result"), self.put(b"pairs"), 0.9, ["odd"], {"decode_s": 1.0})
+
+
+@pytest.fixture
+def attempts(tmp_path: Path) -> Iterator[Attempts]:
+    database = open_database(f"sqlite:///{tmp_path / 'jobs.sqlite3'}")
+    settings = Settings(data_dir=tmp_path, job_timeout_s=60)
+    transitions = open_transitions(database)
+    yield Attempts(JobQueries(database), transitions, BlobStore(tmp_path), settings)
+    database.close()
+
+
+@pytest.fixture(autouse=True)
+def _short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "POLL_INTERVAL_S", 0.01)
+
+
+def test_success_is_recorded_with_what_the_child_stored(attempts: Attempts) -> None:
+    attempts.add()
+    answer = attempts.success()
+    job = attempts.run([Progress("decode", 0.05), Progress("search", 0.4), answer])
+    assert job.status == "succeeded"
+    assert (job.result_sha256, job.inliers_sha256) == (answer.result.sha256, answer.inliers.sha256)
+    assert job.result_bytes == answer.result.size + answer.inliers.size
+    assert (job.confidence, job.warnings) == (0.9, ["odd"])
+    assert {"queued_s", "decode_s", "total_s"} <= set(job.timing)
+    stages = [event.stage for event in attempts.jobs.events(TENANT, job.id, after=0)]
+    assert stages == ["queued", "queued", "decode", "search", "finished"]
+    task = attempts.children[0].task
+    assert isinstance(task, RegisterClouds)
+    assert (task.source, task.options) == (HERE, {"seed": 1})
+
+
+def test_inputs_are_fetched_by_a_child_of_their_own(attempts: Attempts) -> None:
+    attempts.add(source=AWAY)
+    blob = attempts.put(b"cloud")
+    job = attempts.run(
+        [Progress("fetch", 0.0), Fetched(blob, None, {"fetch_s": 2.0})], [attempts.success()]
+    )
+    assert job.status == "succeeded"
+    assert (job.source.sha256, job.source.size, job.source.url) == (blob.sha256, 5, AWAY.url)
+    assert job.target == HERE
+    assert (job.timing["fetch_s"], job.timing["decode_s"]) == (2.0, 1.0)
+    fetch, register = (child.task for child in attempts.children)
+    assert isinstance(fetch, FetchInputs)
+    assert isinstance(register, RegisterClouds)
+    assert register.source.sha256 == blob.sha256
+
+
+def test_a_problem_is_recorded_as_it_is(attempts: Attempts) -> None:
+    attempts.add()
+    job = attempts.run([FAILED])
+    assert (job.status, job.lost_attempts) == ("failed", 0)
+    assert job.error == {
+        "type": "urn:mpe:problem:cloud-shape",
+        "title": "No cloud",
+        "status": 422,
+        "detail": "too flat",
+    }
+    assert job.timing["d_s"] == 1.0
+
+
+def test_what_cannot_be_fetched_is_not_registered(attempts: Attempts) -> None:
+    attempts.add(source=AWAY)
+    assert attempts.run([FAILED], []).status == "failed"
+    assert attempts.children[1].task is None
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        ChildLostError("its process was ended by SIGKILL"),
+        ChildLostError("it sent an invalid message (json_invalid)"),
+        Exported(),
+        Fetched(None, None, {}),
+        Succeeded(StoredBlob("00" * 32, 1), StoredBlob("11" * 32, 1), 0.9, [], {}),
+    ],
+    ids=["killed", "nonsense", "answer to an export", "answer to a fetch", "nothing stored"],
+)
+def test_a_lost_child_is_tried_again_and_fails_the_job_in_the_end(
+    attempts: Attempts, last: Line
+) -> None:
+    attempts.add()
+    for lost in range(1, MAX_LOST_ATTEMPTS):
+        job = attempts.run([Progress("decode", 0.05), last])
+        assert (job.status, job.lost_attempts, job.attempt) == ("queued", lost, lost)
+    job = attempts.run([last])
+    assert job.status == "failed"
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:worker-lost"
+
+
+def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:
+    attempts.add(source=AWAY)
+    assert attempts.run([Fetched(None, None, {})]).lost_attempts == 1
+
+
+def test_a_child_that_cannot_be_started_is_a_lost_child(attempts: Attempts) -> None:
+    attempts.add()
+    assert attempts.run().lost_attempts == 1
+
+
+def test_the_time_limit_ends_a_silent_child(attempts: Attempts) -> None:
+    attempts.limit(0.05)
+    attempts.add()
+    job = attempts.run([])
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:job-timeout"
+    assert "0.05 s" in job.error["detail"]
+
+
+def test_the_time_limit_ends_a_child_that_talks_without_end(attempts: Attempts) -> None:
+    attempts.limit(0.1)
+    attempts.add()
+    job = attempts.run([Progress("decode", 0.1), lambda: time.sleep(0.2), Progress("decode", 0.2)])
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:job-timeout"
+
+
+def test_the_deadline_ends_an_attempt(attempts: Attempts) -> None:
+    attempts.add(deadline_at=time.time() + 0.05)
+    job = attempts.run([])
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:deadline-passed"
+
+
+def test_a_job_that_is_cancelled_meanwhile_stays_cancelled(attempts: Attempts) -> None:
+    job = attempts.add()
+    ended = attempts.run([lambda: attempts.transitions.cancel(job.id)])
+    assert ended.status == "cancelled"
+    (child,) = attempts.children
+    assert child.is_killed
+
+
+def test_an_answer_after_the_cancel_changes_nothing(attempts: Attempts) -> None:
+    job = attempts.add()
+    answer = attempts.success()
+
+    class Late(FakeChild):
+        def receive(self, timeout_s: float) -> Any:
+            attempts.transitions.cancel(job.id)
+            return answer
+
+    assert attempts.supervise([Late()]).status == "cancelled"
+
+
+def test_an_attempt_whose_lease_ended_records_nothing(attempts: Attempts) -> None:
+    """Another service has taken the job up: its attempt counts, not this one."""
+    job = attempts.add()
+
+    def taken_away() -> None:
+        claimed = attempts.jobs.get(TENANT, job.id)
+        assert claimed is not None
+        assert attempts.transitions.record_lost_attempt(claimed, "its lease ended")
+        claim(attempts.transitions)
+
+    now = attempts.run([taken_away, Progress("search", 0.5)])
+    assert (now.id, now.status, now.attempt, now.stage) == (job.id, "running", 2, "queued")
+
+
+def away(call: Callable[..., Any], times: int) -> Callable[..., Any]:
+    """The call, which is refused so many times before it works."""
+    left = [times]
+
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        left[0] -= 1
+        if left[0] >= 0:
+            raise NotReadyError("The store is away.")
+        return call(*args, **kwargs)
+
+    return wrapped
+
+
+@pytest.mark.parametrize(
+    ("method", "lines", "status"),
+    [
+        ("record_progress", [Progress("search", 0.5), None], "succeeded"),
+        ("is_current", [lambda: None, None], "succeeded"),
+        ("succeed", [None], "succeeded"),
+        ("fail", [FAILED], "failed"),
+        ("record_lost_attempt", [ChildLostError("gone")], "queued"),
+    ],
+)
+def test_a_store_that_is_away_for_a_while_loses_nothing(
+    attempts: Attempts, monkeypatch: pytest.MonkeyPatch, method: str, lines: list[Any], status: str
+) -> None:
+    attempts.add()
+    monkeypatch.setattr(
+        attempts.transitions, method, away(getattr(attempts.transitions, method), 3)
+    )
+    said = [attempts.success() if line is None else line for line in lines]
+    assert attempts.run(said).status == status
+
+
+def test_a_store_that_stays_away_is_given_up_with_the_lease(
+    attempts: Attempts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "LEASE_S", 0.05)
+    attempts.add()
+    monkeypatch.setattr(attempts.transitions, "fail", away(attempts.transitions.fail, 10**6))
+    with pytest.raises(NotReadyError):
+        attempts.run([FAILED])
+
+
+def test_the_lease_is_extended_while_the_child_works(
+    attempts: Attempts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "HEARTBEAT_S", 0.0)
+    attempts.add()
+    beats: list[str] = []
+    monkeypatch.setattr(
+        attempts.transitions, "extend_lease", lambda job, *, lease_s: beats.append(job.id) is None
+    )
+    assert attempts.run([Progress("search", 0.5), attempts.success()]).status == "succeeded"
+    assert len(beats) == 1
+
+
+def test_each_child_is_made_known_so_that_a_cancel_can_kill_it(attempts: Attempts) -> None:
+    attempts.add(source=AWAY)
+    attempts.run([Fetched(attempts.put(b"cloud"), None, {})], [attempts.success()])
+    assert attempts.started == attempts.children
