@@ -12,14 +12,14 @@ from benchmarks.experiment import DATA
 from mpe_core.geometry.rigid import apply, inverse
 from tests.factories.clouds import Array, Pair, points_of, true_pose
 
-LEAST_OVERLAP = 0.15
+MIN_OVERLAP = 0.15
 
 Steps = dict[str, list[tuple[str, Array]]]
 """For each cloud the clouds that it is paired with, and T_other_cloud."""
 
 
 def composed_pairs() -> list[Pair]:
-    """The pairs, both ways round, with at least LEAST_OVERLAP; always the same ones in one order.
+    """The pairs, both ways round, with at least MIN_OVERLAP; always the same ones in one order.
 
     Overlap is that of pairs.json: the share of source points with a target point within the
     suite's overlap_radius at the true pose. The tolerances are the largest of the suite.
@@ -38,7 +38,7 @@ def _of_suite(listed: list[Pair]) -> list[Pair]:
     found = []
     for (source, target), T in poses.items():
         share = overlap(apply(T, clouds[source]), trees[target], radius)
-        if share >= LEAST_OVERLAP:
+        if share >= MIN_OVERLAP:
             found.append(_pair(listed, source, target, T) | {"overlap": share})
     return found
 

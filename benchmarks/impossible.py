@@ -9,8 +9,8 @@ from itertools import permutations
 import numpy as np
 
 from benchmarks.experiment import DATA
-from mpe_core.geometry.rigid import apply, random_rotation
-from tests.factories.clouds import Array, motion, points_of
+from mpe_core.geometry.rigid import apply
+from tests.factories.clouds import Array, motion, points_of, random_rotation
 
 SHARED = {  # things that more than one suite shows, or may show; every other suite shows its own
     "bunny": {"bunny"},

@@ -170,7 +170,7 @@ class PoseEvaluator:
 
     def _smoothed(self, sample: Sample) -> Sample:
         """The sample laid on the planes through its own neighbours."""
-        return Sample(self._own_planes(sample).feet(sample.points), sample.normals)
+        return Sample(self._own_planes(sample).project(sample.points), sample.normals)
 
     def _own_planes(self, sample: Sample) -> LocalPlanes:
         """Planes through the neighbours of the sample in its own cloud."""

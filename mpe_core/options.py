@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mpe_core.errors import InvalidOptionsError
-from mpe_core.geometry.validation import LARGEST_COORDINATE, is_rigid
+from mpe_core.geometry.validation import MAX_COORDINATE, is_rigid
 
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
@@ -175,6 +175,6 @@ def _numbers(
     if array.shape != shape or not np.isfinite(array).all():
         size = " x ".join(str(n) for n in shape)
         raise InvalidOptionsError(f"{name} must be {size} finite numbers, got {value!r}")
-    if np.abs(array).max() > LARGEST_COORDINATE:
-        raise InvalidOptionsError(f"{name} has a number beyond {LARGEST_COORDINATE:g}")
+    if np.abs(array).max() > MAX_COORDINATE:
+        raise InvalidOptionsError(f"{name} has a number beyond {MAX_COORDINATE:g}")
     return array

@@ -17,7 +17,7 @@ from mpe_core.errors import InvalidOptionsError
 from mpe_core.evaluator import PoseEvaluator, ScoredPose
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.geometry.rigid import apply
-from mpe_core.kernels.point_rows import row_distances
+from mpe_core.kernels.point_rows import correspondence_distances
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.methods import run_paper_method
 from mpe_core.pipeline import align
@@ -146,7 +146,7 @@ def _inliers(
     moved = apply(T, pair.source)
     row = nearest_rows(moved, pair.target, threshold / pair.unit)
     distance = np.empty(len(moved))
-    row_distances(moved, pair.target, row, pair.unit, distance)
+    correspondence_distances(moved, pair.target, row, pair.unit, distance)
     close = np.flatnonzero(distance <= threshold)
     return Inliers(source.given(close), target.given(row[close]), distance[close], threshold)
 

@@ -8,7 +8,7 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.methods.method import Array, Method, version_of
 from mpe_core.geometry.rigid import apply, fit
-from mpe_core.geometry.sampling import random_rows
+from mpe_core.geometry.sampling import sample_points
 
 THINNED = 300  # target points while the width is large
 NEIGHBOURS = 50  # matches of a point afterwards; those farther off weigh next to nothing
@@ -20,7 +20,7 @@ FIRST_WIDTH, FINE_WIDTH, LAST_WIDTH, SHRINK = 2.0, 0.2, 0.01, 0.9
 def run(source: Array, target: Array) -> Array:
     unit, origin = float(target.std()), target.mean(axis=0)
     x, y = (source - source.mean(axis=0)) / unit, (target - origin) / unit
-    thinned, tree = random_rows(y, THINNED, np.random.default_rng(0)), KDTree(y)
+    thinned, tree = sample_points(y, THINNED, np.random.default_rng(0)), KDTree(y)
     T, width = np.eye(4), FIRST_WIDTH
     while width > LAST_WIDTH:
         moved = apply(T, x)

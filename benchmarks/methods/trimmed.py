@@ -15,7 +15,7 @@ def run(source: Array, target: Array) -> Array:
     found = trimmed_icp(
         pair.source, NearestNeighbors(pair.target), np.eye(4), None, 200, lambda fraction: None
     )
-    return pair.to_caller(found.T_target_source)
+    return pair.to_caller(found.T)
 
 
 TRIMMED_ICP = Method("trimmed ICP", version_of("mpe"), run, "overlap searched, 200 iterations")

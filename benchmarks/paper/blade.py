@@ -12,9 +12,9 @@ from scipy.spatial import KDTree
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods.open3d_clouds import features, voxel_size
 from mpe_core import register
-from mpe_core.geometry.rigid import apply, inverse, random_rotation
+from mpe_core.geometry.rigid import apply, inverse
 from tests.factories.checks import pose_error
-from tests.factories.clouds import Array, Trial, motion
+from tests.factories.clouds import Array, Trial, motion, random_rotation
 
 POINTS = 5000
 TRIALS = 50

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.rigid import apply
-from mpe_core.paper.sparse_search import sparse_mpe
+from mpe_core.paper.sparse_search import search_sparse
 from tests.factories.clouds import bunny, moved
 
 PAPER = {  # ratio: mean seconds, error
@@ -34,7 +34,7 @@ def run() -> Result:
             trial = moved(cloud, np.random.default_rng(seed))
             pair = as_pair(as_points(trial.source), as_points(trial.target))
             found, seconds = timed(
-                sparse_mpe,
+                search_sparse,
                 pair.source,
                 pair.target,
                 round(ratio * len(cloud)),
@@ -42,7 +42,7 @@ def run() -> Result:
                 seed,
                 lambda fraction: None,
             )
-            T = pair.to_caller(found.T_target_source)
+            T = pair.to_caller(found.T)
             gap = apply(T, trial.source) - apply(trial.T_target_source, trial.source)
             rows.append(
                 {

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from benchmarks.comparison import Row, by_method, compare, curves, described, settings_text
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.methods import CPD, EM_ICP, MPE, MPL, MPL_PAPER
-from mpe_core.geometry.sampling import random_rows
+from mpe_core.geometry.sampling import sample_points
 from tests.factories.clouds import Trial, bunny, moved
 
 SMALL, MEDIUM, LARGE = (1000, 2500), (5000, 7500), (15000, 25000, 35000)
@@ -20,7 +20,7 @@ def _trials(counts: tuple[int, ...]) -> Iterator[tuple[Row, Trial]]:
     cloud = bunny(DATA, "bun_zipper")
     for count in counts:
         rng = np.random.default_rng(count)
-        yield {"points": count}, moved(random_rows(cloud, count, rng), rng)
+        yield {"points": count}, moved(sample_points(cloud, count, rng), rng)
 
 
 def run() -> Result:

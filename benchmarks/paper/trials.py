@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpe_core.geometry.rigid import apply, inverse, random_rotation
-from tests.factories.clouds import Array, Trial, motion, moved
+from mpe_core.geometry.rigid import apply, inverse
+from tests.factories.clouds import Array, Trial, motion, moved, random_rotation
 
 
 def anywhere(cloud: Array, seed: int, *, noise: float = 0.0, outliers: int = 0) -> Trial:

@@ -12,9 +12,9 @@ from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, bare, dots
 from benchmarks.pictures.story import Story
 from mpe_core.clouds.normalize import as_pair, as_points
 from mpe_core.geometry.rigid import fit, rotation_error
-from mpe_core.paper.algorithm1 import EPS, descend
+from mpe_core.paper.algorithm1 import SOFTENING, run_algorithm1
 from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
-from mpe_core.paper.force_field import OPENING, ExactField, Field, TreeField
+from mpe_core.paper.force_field import OPENING_RATIO, ExactField, ForceField, TreeField
 from tests.factories.clouds import bunny, moved
 
 Array = NDArray[np.float64]
@@ -27,11 +27,11 @@ def algorithm_1(_: Story, figure: Figure) -> None:
     pair = as_pair(as_points(trial.source), as_points(trial.target))
     source, target = pair.source[tree_order(pair.source)], pair.target
     for name, static, style in (
-        ("tree", TreeField(target, EPS), {"color": RIGHT, "lw": 3.0}),
-        ("exact", ExactField(target, EPS), {"color": "black", "ls": ":"}),
+        ("tree", TreeField(target, SOFTENING), {"color": RIGHT, "lw": 3.0}),
+        ("exact", ExactField(target, SOFTENING), {"color": "black", "ls": ":"}),
     ):
         watched = _Watched(static, source)
-        descend(source, watched, 100, lambda fraction: None)
+        run_algorithm1(source, watched, 100, lambda fraction: None)
         path = [rotation_error(T, trial.T_target_source) for T in watched.poses]
         right.plot(path, label=f'field "{name}"', **style)
     right.set(xlabel="iteration", ylabel="degrees from the true rotation")
@@ -59,7 +59,7 @@ def algorithm_1(_: Story, figure: Figure) -> None:
 class _Watched:
     """A field that notes where the source lies when it is asked."""
 
-    def __init__(self, static: Field, source: Array) -> None:
+    def __init__(self, static: ForceField, source: Array) -> None:
         self._static, self._source, self.poses = static, source, list[Array]()
 
     def force(self, points: Array) -> Array:
@@ -76,7 +76,7 @@ def _seen(target: Array, place: Array) -> tuple[Array, Array]:
     while waiting:
         k = waiting.pop()
         cell = tree.cells[k]
-        if cell[10] < OPENING * np.linalg.norm(cell[:3] - place):
+        if cell[10] < OPENING_RATIO * np.linalg.norm(cell[:3] - place):
             cells.append(cell)
         elif k < leaves - 1:
             waiting += [2 * k + 1, 2 * k + 2]

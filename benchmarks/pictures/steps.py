@@ -13,7 +13,7 @@ from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, dots, legen
 from benchmarks.pictures.story import Story
 from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.rigid import apply, rotation_error
-from mpe_core.paper.algorithm1 import EPS
+from mpe_core.paper.algorithm1 import SOFTENING
 from mpe_core.paper.force_field import ExactField
 from mpe_core.search import pose_search as global_search
 
@@ -73,15 +73,15 @@ def fields(story: Story, figure: Figure) -> None:
     low, high = target[:, :2].min(axis=0) - 0.2, target[:, :2].max(axis=0) + 0.2
     fine, extent = _lattice(low, high, 240, level), (low[0], high[0], low[1], high[1])
     rows, columns = fine.shape[:2]
-    force = ExactField(target, EPS).force(fine.reshape(-1, 3))
+    force = ExactField(target, SOFTENING).force(fine.reshape(-1, 3))
     strength = np.log(np.linalg.norm(force, axis=1)).reshape(rows, columns)
     left.imshow(strength, extent=extent, origin="lower", cmap="Blues", interpolation="nearest")
     coarse = _lattice(low, high, 22, level).reshape(-1, 3)
-    arrows = ExactField(target, EPS).force(coarse)[:, :2]
+    arrows = ExactField(target, SOFTENING).force(coarse)[:, :2]
     arrows /= np.linalg.norm(arrows, axis=1)[:, None]
     left.quiver(*coarse[:, :2].T, *arrows.T, angles="xy", scale=32, width=0.003)
     distance = KDTree(target).query(fine.reshape(-1, 3))[0].reshape(rows, columns)
-    energy = -(EPS**2) / (distance**2 + EPS**2)
+    energy = -(SOFTENING**2) / (distance**2 + SOFTENING**2)
     right.imshow(energy, extent=extent, origin="lower", cmap="Blues_r", interpolation="nearest")
     for axes in (left, right):
         _cut(axes, target, level)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mpe_core.clouds.preprocess import Sample
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import cross_matrix
-from mpe_core.kernels.energy_descent import move
+from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.refine.full_sum import PotentialExpansion
 from mpe_core.refine.point_to_plane import Correspondences, TargetPlanes, nearest_planes
 
@@ -162,7 +162,7 @@ def _stiffness(source: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) 
 
     def pull(motion: Array) -> Array:
         there = T.copy()
-        move(there, motion)
+        update_pose(there, motion)
         pairs = nearest_planes(some, planes, there, smooth=smooth)
         total: Array = _pulls(pairs, planes.cut).sum(axis=0)
         return total

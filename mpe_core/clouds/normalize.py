@@ -14,8 +14,8 @@ from mpe_core.errors import (
     InvalidWeightsError,
     TooFewPointsError,
 )
-from mpe_core.geometry.bounds import Extent, extent, offsets, scatter
-from mpe_core.geometry.validation import LARGEST_COORDINATE
+from mpe_core.geometry.bounds import Extent, centered, measure_extent, scatter_matrix
+from mpe_core.geometry.validation import MAX_COORDINATE
 
 LEAST_RATIO = 1e-4
 """Radius of the smaller cloud over that of the larger one that is still resolved: in float32 the
@@ -54,7 +54,9 @@ class Cloud:
         K = self.masses()
         if K is not None:
             return np.average(self.heavy(self.points), axis=0, weights=K)
-        return self.extent.mean if self.weights is None else extent(self.heavy(self.points)).mean
+        if self.weights is None:
+            return self.extent.mean
+        return measure_extent(self.heavy(self.points)).mean
 
     def heavy(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Those of the rows (N, ...) whose points weigh anything."""
@@ -121,7 +123,7 @@ def as_points(cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None =
     TooFewPointsError
         Fewer than 3 finite rows.
     CoordinateRangeError
-        A finite coordinate beyond `LARGEST_COORDINATE`.
+        A finite coordinate beyond `MAX_COORDINATE`.
     DegenerateCloudError
         All finite points on one line or in one place.
     InvalidWeightsError
@@ -130,7 +132,7 @@ def as_points(cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None =
     array = _as_array(cloud, name)
     points = np.ascontiguousarray(array, np.float64)
     K = None if weights is None else _as_weights(weights, len(points), name)
-    reached, kept = extent(points), None
+    reached, kept = measure_extent(points), None
     if not np.isfinite(reached.mean).all() or (K is not None and not np.isfinite(K).all()):
         finite = np.isfinite(array).all(axis=1)
         kept = np.flatnonzero(finite if K is None else finite & np.isfinite(K))
@@ -140,7 +142,7 @@ def as_points(cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None =
             f"{name} needs at least 3 finite points, got {len(points)} of {len(array)} rows"
         )
     if kept is not None:
-        reached = extent(points)
+        reached = measure_extent(points)
     found = Cloud(points, kept, len(array) - len(points), reached, K)
     _check_range(found, name)
     _check_thickness(points, reached, name)
@@ -150,7 +152,7 @@ def as_points(cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None =
             raise InvalidWeightsError(
                 f"at least 3 weights of the {name} must be above 0, {len(heavy)} of {len(K)} are"
             )
-        _check_thickness(heavy, extent(heavy), name)
+        _check_thickness(heavy, measure_extent(heavy), name)
     return found
 
 
@@ -186,7 +188,7 @@ def as_pair(source: Cloud, target: Cloud) -> CloudPair:
     )
     unit = max(small, LEAST_RATIO * large)
     x, y = (
-        offsets(cloud.points, centre, unit)
+        centered(cloud.points, centre, unit)
         for cloud, centre in zip((source, target), centres, strict=True)
     )
     return CloudPair(x, y, *centres, unit, large / unit)
@@ -217,24 +219,24 @@ def _as_array(cloud: ArrayLike, name: str) -> NDArray[np.generic]:
 
 
 def _check_range(cloud: Cloud, name: str) -> None:
-    if cloud.extent.largest > LARGEST_COORDINATE:
+    if cloud.extent.max_coordinate > MAX_COORDINATE:
         row, column = np.unravel_index(np.argmax(np.abs(cloud.points)), cloud.points.shape)
         raise CoordinateRangeError(
             f"{name} has coordinate {cloud.points[row, column]:g} in row"
             f" {cloud.given(np.array([row]))[0]};"
-            f" at most {LARGEST_COORDINATE:g} is exact enough, remove the point or change the unit"
+            f" at most {MAX_COORDINATE:g} is exact enough, remove the point or change the unit"
         )
 
 
 def _check_thickness(points: NDArray[np.float64], reached: Extent, name: str) -> None:
-    length = reached.length
-    rounding = 8 * np.finfo(np.float64).eps * reached.largest
+    length = reached.max_offset
+    rounding = 8 * np.finfo(np.float64).eps * reached.max_coordinate
     if length <= rounding:
         raise DegenerateCloudError(f"all points of {name} lie in one place")
-    spread, axes = np.linalg.eigh(scatter(points, reached))
+    spread, axes = np.linalg.eigh(scatter_matrix(points, reached))
     if spread[1] > len(points) * (1e3 * (THINNEST + rounding / length)) ** 2:
         return  # too thick on the average for the exact test to refuse it
-    off_axis = np.abs(np.cross(offsets(points, reached.mean, length), axes[:, 2])).max()
+    off_axis = np.abs(np.cross(centered(points, reached.mean, length), axes[:, 2])).max()
     if off_axis <= THINNEST + rounding / length:
         raise DegenerateCloudError(
             f"all points of {name} lie on one line; the rotation about it cannot be told"

@@ -14,7 +14,7 @@ from mpe_core.geometry.cell_list import (
     voxel_downsample,
     voxel_downsample_weighted,
 )
-from mpe_core.geometry.sampling import proportional_rows
+from mpe_core.geometry.sampling import resample_rows
 
 FINE = 1 / 3
 """Edge of the fine thinning over that of the coarse one, 0.005 radii of the smaller cloud by
@@ -66,7 +66,7 @@ class PreparedCloud:
         if self.weights is None:
             rows = np.random.default_rng(seed).permutation(len(self.fine))[:count]
         else:
-            rows = proportional_rows(self.weights, count)
+            rows = resample_rows(self.weights, count)
         points = self.fine[np.sort(rows)]
         return Sample(points, self._outward(points) if self.surface.oriented else None)
 
@@ -76,7 +76,7 @@ class PreparedCloud:
         points = self.surface.points
         if self.weights is not None:
             weights = _at(points, self.fine, self.weights, self.voxel)
-            points = points[proportional_rows(weights, len(points))]
+            points = points[resample_rows(weights, len(points))]
         return np.ascontiguousarray(points[:: max(1, -(-len(points) // most))])
 
     def _outward(self, points: Points) -> Points:

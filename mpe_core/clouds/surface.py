@@ -64,7 +64,7 @@ def surface(points: Points, voxel: float = VOXEL) -> Surface:
     return Surface(
         points=points,
         normals=planes.normals,
-        weights=_weights(planes.variation, planes.counts),
+        weights=_weights(planes.surface_variation, planes.counts),
         roughness=roughness,
         spacing=spacing,
     )
@@ -80,12 +80,12 @@ def _neighbourhood(sample: Points, voxel: float) -> tuple[float, float, float]:
     while True:
         planes = _planes(some, sample, radius, voxel)
         usable = planes.counts >= ENOUGH_NEIGHBOURS // 2
-        flat = float(np.median(planes.variation[usable])) if usable.any() else 1.0
+        flat = float(np.median(planes.surface_variation[usable])) if usable.any() else 1.0
         neighbours = float(np.median(planes.counts))
         if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= most):
             spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
         if neighbours >= ENOUGH_NEIGHBOURS:
-            rough = min(rough, float(np.quantile(planes.thickness[usable], 0.25)))
+            rough = min(rough, float(np.quantile(planes.plane_std[usable], 0.25)))
         if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= most:
             return radius, rough, spacing
         radius *= GROWTH

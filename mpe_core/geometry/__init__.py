@@ -1,0 +1,1 @@
+"""Rigid motions and fixed clouds: bounds, samples, nearest points, local planes."""

@@ -1,4 +1,4 @@
-"""How far a cloud reaches, and where its middle lies."""
+"""Bounds, center and scatter of a cloud."""
 
 from __future__ import annotations
 
@@ -7,51 +7,51 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.kernels.bounds import centred, extents, products
+from mpe_core.kernels.bounds import center_and_scale, task_extents, task_scatter
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Bounds and middle of a cloud."""
+    """Bounds and mean of a cloud."""
 
     low: Array
     """(3,) lowest coordinates."""
     high: Array
     """(3,) highest coordinates."""
     mean: Array
-    """(3,) centre of mass; not finite if a point is not."""
+    """(3,) mean of the points; not finite if a point is not."""
 
     @property
-    def largest(self) -> float:
+    def max_coordinate(self) -> float:
         """Largest absolute coordinate."""
         return float(max(self.high.max(), -self.low.min()))
 
     @property
-    def length(self) -> float:
+    def max_offset(self) -> float:
         """Largest distance from the mean along an axis."""
         return float(max((self.high - self.mean).max(), (self.mean - self.low).max()))
 
 
-def extent(points: Array | NDArray[np.float32]) -> Extent:
-    """Of points (N, 3); not finite where there are none."""
+def measure_extent(points: Array | NDArray[np.float32]) -> Extent:
+    """Return the extent of points (N, 3); all of it is NaN where there are none."""
     if not len(points):
         return Extent(*np.full((3, 3), np.nan))
-    found = extents(points)
+    parts = task_extents(points)
     with np.errstate(invalid="ignore", over="ignore"):
-        mean = points[0] + found[:, 2].sum(axis=0) / len(points)
-    return Extent(found[:, 0].min(axis=0), found[:, 1].max(axis=0), mean)
+        mean = points[0] + parts[:, 2].sum(axis=0) / len(points)
+    return Extent(parts[:, 0].min(axis=0), parts[:, 1].max(axis=0), mean)
 
 
-def scatter(points: Array, reached: Extent) -> Array:
-    """(3, 3) sum of v v^T over the points' offsets v from the mean, in lengths of the extent."""
-    total: Array = products(points, reached.mean, reached.length).sum(axis=0)
+def scatter_matrix(points: Array, extent: Extent) -> Array:
+    """Return the (3, 3) sum of v v^T, v = (point - extent.mean) / extent.max_offset."""
+    total: Array = task_scatter(points, extent.mean, extent.max_offset).sum(axis=0)
     return total
 
 
-def offsets(points: Array, centre: Array, length: float) -> Array:
-    """(N, 3) the points' offsets from the centre (3,), in lengths."""
-    found = np.empty(points.shape)
-    centred(points, centre, length, found)
-    return found
+def centered(points: Array, center: Array, length: float) -> Array:
+    """Return (points - center) / length as a new array (N, 3)."""
+    out = np.empty(points.shape)
+    center_and_scale(points, center, length, out)
+    return out

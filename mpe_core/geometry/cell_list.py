@@ -1,4 +1,4 @@
-"""Points in cubes: thinning, nearest points within reach, planes through neighbourhoods."""
+"""Clouds in cubic cells: downsampling, nearest points within reach, local planes."""
 
 from __future__ import annotations
 
@@ -8,67 +8,75 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.bounds import extent
-from mpe_core.kernels.buckets import partitioned
-from mpe_core.kernels.cell_list import LAST_CELL, nearest_within
+from mpe_core.geometry.bounds import measure_extent
+from mpe_core.kernels.buckets import partition
+from mpe_core.kernels.cell_list import MAX_CELL_INDEX, nearest_within
 from mpe_core.kernels.cell_table import (
-    FEW_CELLS,
-    MANY_CELLS,
-    cells_of_buckets,
-    means_of_buckets,
+    LARGE_TABLE_SLOTS,
+    SMALL_TABLE_SLOTS,
+    bucket_cell_means,
+    build_table,
     number_cells,
-    table_of,
+    sort_bucket_cells,
 )
 from mpe_core.kernels.local_planes import local_planes
-from mpe_core.kernels.point_rows import columns_at, rows_as_given
+from mpe_core.kernels.point_rows import gather_columns, restore_order
 
 Points = NDArray[np.float32]
+Grid = tuple[Points, np.float32]
+"""Origin (3,) and edge of cubic cells."""
 
-EDGE = 2.0
-"""Edge of the cubes over the reach. Planes through the 69 points within reach of each of 8,251:
-2.03 ms with 1, 1.76 / 1.48 / 1.28 / 1.25 with 1.2 / 1.5 / 2 / 2.5, because more points come in
-fewer runs; their nearest points 0.18 ms with 1 to 1.5, 0.19 / 0.22 with 2 / 2.5."""
+CELL_EDGE_FACTOR = 2.0
+"""Edge of the cells of a cell list over the reach of its queries. Larger cells come in fewer runs
+of more points, which suits planes best (docs/tuning.md)."""
 
-LARGE = 200_000
-"""Points from which on they are laid bucket by bucket. Nearest points of 40,000 / 100,000 / 200,000
-/ 500,000: 4.1 / 8.8 / 16 / 46 ms in buckets, 2.9 / 8.1 / 17 / 58 as they come."""
-
-
-def grid(points: Points, size: float) -> tuple[Points, np.float32]:
-    """Origin (3,) and cell size of a grid over the points (N, 3): the size asked for, or the
-    smallest that numbers every cell."""
-    reached = extent(points)
-    edge = max(size, float((reached.high - reached.low).max()) / (LAST_CELL - 2))
-    return reached.low.astype(np.float32), np.float32(edge)
+MIN_BUCKETED_POINTS = 200_000
+"""Points from which on sorting them by bucket pays for nearest-point queries (docs/tuning.md)."""
 
 
-def bucket_order(
-    points: Points, origin: Points, size: np.float32
-) -> tuple[Points, NDArray[np.int32], NDArray[np.int64]]:
-    """Points (N, 3), the row that each came from, and bounds of the buckets in which no cube of the
-    grid is cut: many are laid bucket by bucket, so that what is used together stays in the
-    processor's cache."""
-    if len(points) >= LARGE:
+def fit_grid(points: Points, size: float) -> Grid:
+    """Return the grid of cells of edge `size` over points (N, 3).
+
+    The edge grows for a cloud so wide that its cells could not be numbered.
+    """
+    extent = measure_extent(points)
+    edge = max(size, float((extent.high - extent.low).max()) / (MAX_CELL_INDEX - 2))
+    return extent.low.astype(np.float32), np.float32(edge)
+
+
+def bucket_order(points: Points, grid: Grid) -> tuple[Points, NDArray[np.int32], NDArray[np.int64]]:
+    """Sort a large cloud so that points close in space are close in memory.
+
+    Returns
+    -------
+    (N, 3) the points in their new order; unchanged below MIN_BUCKETED_POINTS.
+    (N,) the row that each came from.
+    (buckets + 1,) bounds of the buckets, which divide no cell of the grid.
+    """
+    if len(points) >= MIN_BUCKETED_POINTS:
         ordered, rows = np.empty_like(points), np.empty(len(points), np.int32)
-        bounds = partitioned(points, origin, size, ordered, rows)
-        return ordered, rows, bounds
+        return ordered, rows, partition(points, grid, ordered, rows)
     return points, np.arange(len(points), dtype=np.int32), np.array([0, len(points)])
 
 
 def voxel_downsample(points: Points, size: float) -> Points:
-    """(K, 3) means of the points (N, 3) in each occupied cube of edge `size`."""
-    cubes = grid(points, size)
-    ordered, _, bounds = bucket_order(points, *cubes)
-    means: Points = means_of_buckets(ordered, bounds, *cubes)
+    """Return the (K, 3) means of points (N, 3) in each occupied cell of edge `size`."""
+    grid = fit_grid(points, size)
+    ordered, _, bounds = bucket_order(points, grid)
+    means: Points = bucket_cell_means(ordered, bounds, grid)
     return means
 
 
 def voxel_downsample_weighted(
     points: Points, weights: NDArray[np.float64], size: float
 ) -> tuple[Points, Points]:
-    """(K, 3) weighted means of the points (N, 3) in each occupied cube of edge `size`, and the mean
-    weight (K,) of each."""
-    _, _, cell, counts = number_cells(points, *grid(points, size), MANY_CELLS)
+    """Return weighted means of points (N, 3) in each occupied cell of edge `size`.
+
+    Returns
+    -------
+    (K, 3) weighted means, and (K,) mean weight of the points in each cell.
+    """
+    _, cell, counts = number_cells(points, fit_grid(points, size), LARGE_TABLE_SLOTS)
     total = np.bincount(cell, weights)
     moments = [np.bincount(cell, weights * column) for column in points.T]
     means: Points = np.ascontiguousarray((moments / total).T, np.float32)
@@ -76,77 +84,85 @@ def voxel_downsample_weighted(
 
 
 def count_occupied(points: Points, size: float) -> int:
-    """How many cubes of edge `size` hold any of the points (N, 3)."""
-    return len(number_cells(points, *grid(points, size), FEW_CELLS)[3])
+    """Count the cells of edge `size` that hold any of the points (N, 3)."""
+    _, _, counts = number_cells(points, fit_grid(points, size), SMALL_TABLE_SLOTS)
+    return len(counts)
 
 
 @dataclass(frozen=True, slots=True)
 class LocalPlanes:
-    """Planes around queries; fewer than 5 points give a zero normal and an offset of 0."""
+    """Planes through the neighborhoods of queries (N, 3).
+
+    Fewer than 5 points give a zero normal and an offset of 0.
+    """
 
     normals: Points
     """(N, 3) unit normals of either sign."""
-    variation: Points
+    surface_variation: Points
     """(N,) smallest eigenvalue of the points' covariance over its trace."""
-    thickness: Points
+    plane_std: Points
     """(N,) standard deviation of the points from the plane."""
     counts: NDArray[np.int32]
-    """(N,) how many points lie around."""
+    """(N,) number of points in the neighborhood."""
     offsets: Points
     """(N,) distance of the plane from the query along the normal."""
 
-    def feet(self, queries: Points) -> Points:
-        """(N, 3) the queries laid on their planes."""
-        laid: Points = queries + self.offsets[:, None] * self.normals
-        return laid
+    def project(self, queries: Points) -> Points:
+        """Return the queries (N, 3) projected onto their planes."""
+        projected: Points = queries + self.offsets[:, None] * self.normals
+        return projected
 
 
 class CellList:
-    """A fixed cloud (M, 3) in cubes, asked for what lies within a reach of any point."""
+    """A fixed cloud (M, 3) in cells, for queries within a reach."""
 
     def __init__(self, points: Points, reach: float, edge: float | None = None) -> None:
-        """The edge of the cubes is at least the reach, EDGE times that if it is not given. Both
-        grow for a cloud too wide for cubes of that reach."""
-        self._origin, self.reach = grid(points, reach)
-        self._edge = max(self.reach, np.float32(EDGE * reach if edge is None else edge))
-        ordered, rows, bounds = bucket_order(points, self._origin, self._edge)
-        cells, self.starts, order = cells_of_buckets(ordered, bounds, self._origin, self._edge)
-        self._keys, self._slots = table_of(cells)
+        """Sort the cloud into cells.
+
+        Parameters
+        ----------
+        points
+            (M, 3) the cloud.
+        reach
+            Largest distance that a query asks for; grows for a cloud too wide for cells of that
+            edge, see the attribute `reach`.
+        edge
+            Edge of the cells, at least the reach; CELL_EDGE_FACTOR times that if it is not given.
+        """
+        origin, self.reach = fit_grid(points, reach)
+        edge = CELL_EDGE_FACTOR * reach if edge is None else edge
+        self._grid = origin, max(self.reach, np.float32(edge))
+        ordered, rows, bounds = bucket_order(points, self._grid)
+        keys, self.starts, order = sort_bucket_cells(ordered, bounds, self._grid)
         self.rows = rows[order]
-        """Where each cube's points start in `points`, and the row of the given cloud that each came
-        from."""
+        """(M,) row of the given cloud of each row of `points`. The points of cell c are the rows
+        starts[c]:starts[c + 1] of `points`."""
         self._columns = np.empty((3, len(points)), np.float32)
-        columns_at(ordered, order, self._columns)
+        gather_columns(ordered, order, self._columns)
+        self._cells = self._columns, self.starts, *build_table(keys), *self._grid
 
     @cached_property
     def points(self) -> Points:
-        """(M, 3) the cloud in the order of its cubes."""
+        """(M, 3) the cloud in the order of its cells."""
         return np.ascontiguousarray(self._columns.T)
 
     def nearest(self, queries: Points) -> tuple[NDArray[np.int32], Points]:
-        """(N,) rows of `points` nearest to queries (N, 3) and their squared distances; -1 and
-        infinity where nothing is within reach."""
-        row, squared = nearest_within(queries, self.reach, *self._grid())
+        """Find the nearest point within reach of each query (N, 3).
+
+        Returns
+        -------
+        (N,) row of `points`, or -1, and (N,) squared distance, or infinity.
+        """
+        row, squared = nearest_within(queries, self.reach, self._cells)
         return row, squared
 
-    def nearest_given(self, queries: Points) -> NDArray[np.int64]:
-        """(N,) rows of the given cloud nearest to queries (N, 3); -1 where nothing is within
-        reach."""
-        ordered, order, _ = bucket_order(queries, self._origin, self._edge)
-        found = np.empty(len(queries), np.int64)
-        rows_as_given(self.nearest(ordered)[0], self.rows, order, found)
-        return found
+    def nearest_rows(self, queries: Points) -> NDArray[np.int64]:
+        """Return the (N,) rows of the given cloud nearest to queries (N, 3), -1 beyond reach."""
+        ordered, order, _ = bucket_order(queries, self._grid)
+        nearest = np.empty(len(queries), np.int64)
+        restore_order(self.nearest(ordered)[0], self.rows, order, nearest)
+        return nearest
 
     def planes(self, queries: Points) -> LocalPlanes:
-        """Plane through the points within reach of each query (N, 3)."""
-        return LocalPlanes(*local_planes(queries, self.reach, *self._grid()))
-
-    def _grid(self) -> tuple[NDArray[np.generic] | np.float32, ...]:
-        return (
-            self._columns,
-            self.starts,
-            self._keys,
-            self._slots,
-            self._origin,
-            self._edge,
-        )
+        """Fit a plane to the points within reach of each query (N, 3)."""
+        return LocalPlanes(*local_planes(queries, self.reach, self._cells))

@@ -7,11 +7,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from mpe_core.geometry.cell_list import CellList, count_occupied
+from mpe_core.geometry.cell_list import CellList, Points, count_occupied
+
+MIN_TREE_REACH = 0.1
+"""Reach, in radii of the cloud, from which on a k-d tree is faster than cells of that edge."""
+
+DENSITY_CELL_EDGE = 0.03
+"""Edge, in radii, of the cells that the density of a cloud is measured with."""
+
+MIN_DENSITY_SAMPLE = 300_000
+"""Points that the density is measured on; larger clouds are thinned to once or twice as many."""
+
+POINTS_PER_CELL = 50
+"""Mean number of points in a cell of the edge that suits a dense cloud (docs/tuning.md)."""
+
+MIN_TWO_PASS_RATIO = 2.5
+"""Reach over that edge from which on a first pass with small cells pays (docs/tuning.md)."""
+
+REACH_REL_TOL, REACH_ABS_TOL = 1e-5, 1e-7
+"""What a reach is widened by in cells, whose points are rounded to float32."""
 
 
 class NearestNeighbors:
-    """k-d tree of a cloud (M, 3), asked on as many threads as numba's kernels use."""
+    """k-d tree of a cloud (M, 3), queried on as many threads as numba's kernels use."""
 
     def __init__(self, points: NDArray[np.float64]) -> None:
         self.points = points
@@ -20,9 +38,11 @@ class NearestNeighbors:
     def nearest(
         self, points: NDArray[np.float64], reach: float = np.inf
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """(N,) distances from points (N, 3) to their nearest points of the cloud, and (N,) rows.
+        """Find the nearest point of the cloud to each of points (N, 3).
 
-        Where nothing lies within reach: infinity and M.
+        Returns
+        -------
+        (N,) distances and (N,) rows of the cloud; infinity and M where nothing lies within reach.
         """
         distance, row = self._tree.query(
             points, distance_upper_bound=reach, workers=numba.get_num_threads()
@@ -30,42 +50,59 @@ class NearestNeighbors:
         return np.asarray(distance), np.asarray(row, np.int64)
 
 
-WIDE_REACH = 0.1
-"""Reach in radii of the cloud from which on a k-d tree is quicker than cubes of that edge."""
-
-PROBE = 0.03
-"""Edge in radii of the cubes that tell how dense a cloud is."""
-
-ROOMY = 50
-"""Points a cube that suit a search, on a surface. A million points of a tube onto as many, in cubes
-of 6 / 12 / 24 / 50 / 80: 89 / 70 / 59 / 53 / 51 ms; 10 million 1.7 / 1.3 / 0.96 / 0.80 / 0.84 s."""
-
-WIDER = 2.5
-"""Reach over the edge of such cubes from which on a first look in these pays. A million points with
-2.5: 0.14 s without it and 0.084 with it, but 0.16 and 0.24 where half of them have nothing within
-reach; with 3.8 0.26 and 0.083, 0.23 and 0.24."""
-
-PROBED = 300_000
-"""Points, or up to twice as many, that the density is told from."""
-
-
 def nearest_rows(
     points: NDArray[np.float64], cloud: NDArray[np.float64], reach: float
 ) -> NDArray[np.int64]:
-    """(N,) rows of the cloud (M, 3) nearest to points (N, 3); -1 where none is within about
-    reach."""
-    if reach > WIDE_REACH:
-        _, row = NearestNeighbors(cloud).nearest(points, reach)
-        return np.where(row < len(cloud), row, -1)
+    """Find the row of the nearest point of a cloud for each of many points.
+
+    Chooses the fastest of three ways: a k-d tree for a wide reach, one cell list, or two for a
+    dense cloud.
+
+    Parameters
+    ----------
+    points
+        (N, 3) queries.
+    cloud
+        (M, 3) cloud of about radius 1.
+    reach
+        Largest distance, kept to about 1e-5 of itself.
+
+    Returns
+    -------
+    (N,) rows of the cloud, -1 where none is within reach.
+    """
+    if reach > MIN_TREE_REACH:
+        return _search_tree(points, cloud, reach)
     single, queries = cloud.astype(np.float32), points.astype(np.float32)
-    within = reach * (1 + 1e-5) + 1e-7
-    some = single[:: max(1, len(single) // PROBED)].copy()
-    # on a surface the points in a cube go with the square of its edge
-    roomy = PROBE * float(np.sqrt(ROOMY * count_occupied(some, PROBE) / len(single)))
-    if within <= WIDER * roomy:
-        return CellList(single, within, max(within, roomy)).nearest_given(queries)
-    nearest = CellList(single, roomy, roomy).nearest_given(queries)
-    alone = np.flatnonzero(nearest < 0)
-    if len(alone):
-        nearest[alone] = CellList(single, within, within).nearest_given(queries[alone])
+    cell_reach = reach * (1 + REACH_REL_TOL) + REACH_ABS_TOL
+    edge = _dense_cell_edge(single)
+    if cell_reach <= MIN_TWO_PASS_RATIO * edge:
+        return CellList(single, cell_reach, max(cell_reach, edge)).nearest_rows(queries)
+    return _search_two_passes(queries, single, cell_reach, edge)
+
+
+def _search_tree(
+    points: NDArray[np.float64], cloud: NDArray[np.float64], reach: float
+) -> NDArray[np.int64]:
+    _, row = NearestNeighbors(cloud).nearest(points, reach)
+    return np.where(row < len(cloud), row, -1)
+
+
+def _search_two_passes(
+    queries: Points, cloud: Points, reach: float, edge: float
+) -> NDArray[np.int64]:
+    """Search small cells first, and the whole reach for the queries that found nothing there."""
+    nearest = CellList(cloud, edge, edge).nearest_rows(queries)
+    unmatched = np.flatnonzero(nearest < 0)
+    if len(unmatched):
+        wide = CellList(cloud, reach, reach)
+        nearest[unmatched] = wide.nearest_rows(queries[unmatched])
     return nearest
+
+
+def _dense_cell_edge(cloud: Points) -> float:
+    """Return the edge of cells that hold POINTS_PER_CELL points on average."""
+    sample = cloud[:: max(1, len(cloud) // MIN_DENSITY_SAMPLE)].copy()
+    cells = count_occupied(sample, DENSITY_CELL_EDGE)
+    # on a surface the points in a cell go with the square of its edge
+    return DENSITY_CELL_EDGE * float(np.sqrt(POINTS_PER_CELL * cells / len(cloud)))

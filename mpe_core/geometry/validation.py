@@ -1,4 +1,7 @@
-"""Which coordinates and poses are valid; apart from the kernels, which the options do not load."""
+"""Which coordinates and poses are valid.
+
+The options import this module, so it must not load the compiled kernels.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LARGEST_COORDINATE = 1e15
-"""Beyond it float64 resolves no more than an eighth of the unit."""
+MAX_COORDINATE = 1e15
+"""Largest absolute coordinate: beyond it float64 steps are larger than an eighth of the unit."""
 
-ORTHONORMALITY = 1e-6
-"""Largest |R^T R - 1| that still counts as a rotation."""
+ORTHONORMALITY_TOL = 1e-6
+"""Largest absolute entry of R^T R - 1 of a rotation."""
 
 
 def is_rotation(R: Array) -> bool:
-    """Whether a (3, 3) matrix is orthonormal and keeps hands."""
-    return bool(np.abs(R.T @ R - np.eye(3)).max() < ORTHONORMALITY and np.linalg.det(R) > 0)
+    """Whether a (3, 3) matrix is orthonormal with determinant 1."""
+    return bool(np.abs(R.T @ R - np.eye(3)).max() < ORTHONORMALITY_TOL and np.linalg.det(R) > 0)
 
 
 def is_rigid(T: Array) -> bool:

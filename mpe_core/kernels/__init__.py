@@ -1,8 +1,8 @@
 """Compiled loops over points.
 
-Numba runs them on the threads of OpenMP where it may choose. TBB, which it prefers where a system
-has it, ends a process by waiting for its threads: up to a minute on a busy machine, 0.6 s on an
-idle one.
+Numba runs them on OpenMP threads unless NUMBA_THREADING_LAYER_PRIORITY says otherwise. Its default
+choice, TBB, waits for its threads when the process ends: 0.6 s on an idle machine, up to a minute
+on a busy one.
 """
 
 from __future__ import annotations

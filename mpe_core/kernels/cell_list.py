@@ -1,9 +1,15 @@
-"""Cell lists: points hashed into cubes, asked for nearest points.
+"""Cell lists: points hashed into cubic cells, for queries within a distance.
 
-A list is four arrays: `keys` (table,) int64 cell key or -1, `slots` (table,) int32 cell number,
-`starts` (cells + 1,) int32, and the points' `columns` (3, N), reordered so that cell c holds
-starts[c]:starts[c+1]. Cells along z follow each other: what lies in three of them is one run of
-columns, which the compiler turns into vectors.
+The tuple types of this module are the arguments of all kernels that work on cells:
+
+- `GRID`: origin (3,) and edge of the cells.
+- `TABLE`: open-addressing hash table, `keys` (slots,) a cell key or -1, and `numbers` (slots,) the
+  number of that cell.
+- `CELLS`: a whole cell list, the points' `columns` (3, N) and `starts` (cells + 1,), followed by
+  the table and the grid (flat, because numba passes no nested tuples to threads). Cell c holds the
+  columns starts[c]:starts[c + 1]. Cells that follow each other along z are neighbors in memory, so
+  the points of three such cells are one run of columns, a loop that the compiler turns into vector
+  instructions.
 """
 
 from __future__ import annotations
@@ -11,18 +17,29 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-LAST_CELL = 2**21 - 2
-"""A key holds 21 bits an axis."""
+GRID = "Tuple((float32[::1], float32))"
+"""Origin (3,) and edge."""
+TABLE = "Tuple((int64[::1], int32[::1]))"
+"""Keys and numbers."""
+CELLS = "Tuple((float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1], float32))"
+"""Columns, starts, keys, numbers, origin and edge."""
+
+MAX_CELL_INDEX = 2**21 - 2
+"""Largest index of a cell along an axis: a key holds 21 bits an axis."""
+
+NEIGHBOR_STEPS = (0, -1, 1)
+"""Steps along an axis; the middle cell first, whose points rule out most of the others."""
 
 
 @njit("int64(int64, int64, int64)", cache=True, inline="always")
 def cell_key(ix, iy, iz):
+    """Pack three indices of up to 21 bits into one key."""
     return (ix << 42) | (iy << 21) | iz
 
 
 @njit("int64(int64, int64)", cache=True, inline="always")
 def hash_slot(key, mask):
-    """Where to look first: eight cells along z share a line of the processor's cache."""
+    """Return the first slot to look at; eight cells along z share a cache line."""
     h = (key >> 3) * np.int64(-7046029254386353131)
     h ^= h >> 32
     h *= np.int64(-4417276706812531889)
@@ -31,25 +48,24 @@ def hash_slot(key, mask):
 
 @njit("int64(int64[::1], int64, int64)", cache=True, inline="always")
 def find_slot(keys, key, mask):
-    """Slot that holds the key, or the free slot where it belongs."""
+    """Return the slot that holds the key, or the free slot where it belongs."""
     slot = hash_slot(key, mask)
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask
     return slot
 
 
-# the middle cell first: what it holds rules out most of the others
-STEPS = (0, -1, 1)
-
-
 @njit(
-    "UniTuple(float32, 6)(float32, float32, float32, float32[::1], float32)",
+    f"UniTuple(float32, 6)(float32, float32, float32, {CELLS})",
     cache=True,
     inline="always",
 )
-def cell_around(x, y, z, origin, size):
-    """The cell that holds a point, and where in it the point lies: (fx, fy, fz, ux, uy, uz); not
-    yet whole numbers, because a point far off has none."""
+def locate(x, y, z, cells):
+    """Return the cell (fx, fy, fz) of a point and the point's offset (ux, uy, uz) in it.
+
+    The indices are floats: those of a point far from the grid do not fit an integer.
+    """
+    origin, size = cells[4], cells[5]
     fx = np.floor((x - origin[0]) / size)
     fy = np.floor((y - origin[1]) / size)
     fz = np.floor((z - origin[2]) / size)
@@ -64,36 +80,55 @@ def cell_around(x, y, z, origin, size):
 
 
 @njit("float32(int64, float32, float32)", cache=True, inline="always")
-def gap(step, inside, size):
-    """Squared distance along one axis to the cell a step away, from `inside` the middle one; a
-    little less, because points are numbered in rounded arithmetic."""
+def squared_gap(step, inside, size):
+    """Return the squared distance along an axis from a point to the cell `step` cells away.
+
+    `inside` is the point's offset in its own cell. The result is 0.1 % too small, because points
+    are numbered in rounded arithmetic.
+    """
     d = np.float32(0.999) * (inside if step < 0 else size - inside)
     return np.float32(0.0) if step == 0 else d * d
 
 
 @njit(
-    "UniTuple(int64, 2)(int64, int64, int64, float32, float32, float32, int64[::1], int32[::1],"
-    " int32[::1])",
+    f"UniTuple(int64, 2)(UniTuple(float32, 6), int64, int64, float32, {CELLS})",
     cache=True,
     inline="always",
 )
-def run(ix, iy, iz, inside, size, limit, keys, slots, starts):
-    """Columns first:last of the cell and its two neighbours along z, but those whose squared
-    distance along z is beyond the limit."""
+def column_run(place, step_x, step_y, limit, cells):
+    """Return the run first:last of columns in three cells along z around a place.
+
+    Parameters
+    ----------
+    place
+        Cell and offset of the query, as `locate` returns them.
+    step_x, step_y
+        Steps from the query's cell to the middle one of the three.
+    limit
+        Squared distance from the query; cells beyond it are left out.
+
+    Returns
+    -------
+    (first, last), equal where no cell is left.
+    """
+    _, starts, keys, numbers, _, size = cells
+    ix, iy, iz = np.int64(place[0]) + step_x, np.int64(place[1]) + step_y, np.int64(place[2])
+    rest = limit - (squared_gap(step_x, place[3], size) + squared_gap(step_y, place[4], size))
     first = last = 0
-    for step in range(-1, 2):
-        if iz + step < 0 or gap(step, inside, size) > limit:
-            continue
-        slot = find_slot(keys, cell_key(ix, iy, iz + step), keys.shape[0] - 1)
-        if keys[slot] != -1:
-            first = first if last else starts[slots[slot]]
-            last = starts[slots[slot] + 1]
+    if rest >= 0 and min(ix, iy) >= 0:
+        for step in range(-1, 2):
+            if iz + step < 0 or squared_gap(step, place[5], size) > rest:
+                continue
+            slot = find_slot(keys, cell_key(ix, iy, iz + step), keys.shape[0] - 1)
+            if keys[slot] != -1:
+                first = first if last else starts[numbers[slot]]
+                last = starts[numbers[slot] + 1]
     return first, last
 
 
 @njit("int64(float32)", cache=True, inline="always")
 def distance_key(squared):
-    """A squared distance as the upper half of a whole number, in the same order."""
+    """Return a squared distance as the upper half of an integer, in the same order."""
     return np.int64(np.float32(squared).view(np.int32)) << 32
 
 
@@ -102,9 +137,12 @@ def distance_key(squared):
     cache=True,
     fastmath=True,
 )
-def least_key(qx, qy, qz, best, px, py, pz, first):
-    """The least distance key with its column, counted from `first`, in the lower half; or `best` if
-    that is less. The compiler turns a minimum of whole numbers into vectors, of floats not."""
+def min_distance_key(qx, qy, qz, best, px, py, pz, first):
+    """Return the smaller of `best` and the least distance key of the points px, py, pz.
+
+    The lower half of a key is the column of its point, counted from `first`. The compiler turns a
+    minimum of integers into vector instructions, but not a minimum of floats.
+    """
     for j in range(px.shape[0]):
         dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
         best = min(best, distance_key(dx * dx + dy * dy + dz * dz) | (first + j))
@@ -112,36 +150,47 @@ def least_key(qx, qy, qz, best, px, py, pz, first):
 
 
 @njit(
-    "Tuple((int32[::1], float32[::1]))"
-    "(float32[:, ::1], float32, float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1],"
-    " float32)",
+    f"Tuple((int32[::1], float32[::1]))(float32[:, ::1], float32, {CELLS})",
     cache=True,
     parallel=True,
 )
-def nearest_within(queries, reach, columns, starts, keys, slots, origin, size):
-    """Column of the nearest point closer than `reach` (at most the cell size) to each query, or -1,
-    and the squared distance; of equally near ones the first column."""
+def nearest_within(queries, reach, cells):
+    """Find the nearest point closer than `reach` to each query (N, 3).
+
+    Parameters
+    ----------
+    queries
+        (N, 3) places.
+    reach
+        Largest distance, at most the edge of the cells.
+    cells
+        Cell list of M points, as `CELLS`.
+
+    Returns
+    -------
+    (N,) column of the nearest point, or -1; of equally near points the first column.
+    (N,) squared distance, or infinity.
+    """
     n = queries.shape[0]
     nearest = np.full(n, np.int32(-1))
     squared = np.full(n, np.float32(np.inf))
+    columns = cells[0]
     x, y, z = columns[0], columns[1], columns[2]
     for i in prange(n):
         qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        fx, fy, fz, ux, uy, uz = cell_around(qx, qy, qz, origin, size)
-        if min(fx, fy, fz) < -1 or max(fx, fy, fz) > LAST_CELL:
+        place = locate(qx, qy, qz, cells)
+        if min(place[0], place[1], place[2]) < -1:
+            continue
+        if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
             continue
         limit = reach * reach
         none = best = distance_key(limit)
-        for sx in STEPS:
-            gx = gap(sx, ux, size)
-            for sy in STEPS:
-                gy = gx + gap(sy, uy, size)
-                ix, iy = np.int64(fx) + sx, np.int64(fy) + sy
-                if gy > limit or min(ix, iy) < 0:
-                    continue
-                a, b = run(ix, iy, np.int64(fz), uz, size, limit - gy, keys, slots, starts)
-                best = least_key(qx, qy, qz, best, x[a:b], y[a:b], z[a:b], a)
-                limit = np.int32(best >> 32).view(np.float32)
+        for sx in NEIGHBOR_STEPS:
+            for sy in NEIGHBOR_STEPS:
+                a, b = column_run(place, sx, sy, limit, cells)
+                if a < b:
+                    best = min_distance_key(qx, qy, qz, best, x[a:b], y[a:b], z[a:b], a)
+                    limit = np.int32(best >> 32).view(np.float32)
         if best < none:
             nearest[i], squared[i] = np.int32(best & 0x7FFFFFFF), limit
     return nearest, squared

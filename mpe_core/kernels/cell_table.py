@@ -1,106 +1,124 @@
-"""Points into the cells of a grid: numbered, sorted, averaged."""
+"""Points into the cells of a grid: numbering, sorting and averaging.
+
+The grid and the hash table are tuples of the types `GRID` and `TABLE` of `kernels.cell_list`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.cell_list import cell_key, find_slot
+from mpe_core.kernels.cell_list import GRID, TABLE, cell_key, find_slot
 
-FEW_CELLS = 2**12
-"""Slots of a table to begin with where few points have a cell of their own, but no more than hold
-all of them: it stays at most half full, and small enough for the processor's cache."""
+SMALL_TABLE_SLOTS = 2**12
+"""First size of the table where cells hold many points; small enough for the cache."""
 
-MANY_CELLS = 2**18
-"""Likewise where most points have one. 40,000 points of the bunny thinned to 32,000: 0.46 ms with
-2**17 slots, 1.4 with 2**12 that double; a million to 100,000: 12 ms and 15."""
+LARGE_TABLE_SLOTS = 2**18
+"""First size of the table where most points have a cell of their own: doubling it costs more than
+cache misses (docs/tuning.md)."""
 
 
-@njit("Tuple((int64[::1], int32[::1]))(int64, int64)", cache=True)
-def empty_table(count, most):
-    """Keys and slots for `count` cells, or `most` slots."""
+@njit(f"{TABLE}(int64, int64)", cache=True)
+def empty_table(count, max_slots):
+    """Return an empty table for `count` cells, at most half full, or of `max_slots` slots."""
     size = 16
-    while size < 2 * count and size < most:
+    while size < 2 * count and size < max_slots:
         size *= 2
     return np.full(size, np.int64(-1)), np.empty(size, np.int32)
 
 
-@njit("Tuple((int64[::1], int32[::1]))(int64[::1])", cache=True)
-def table_of(cells):
-    """The table in which cell c has the key cells[c]."""
-    keys, slots = empty_table(cells.shape[0], np.int64(2) ** 40)
+@njit(f"{TABLE}(int64[::1])", cache=True)
+def build_table(cells):
+    """Return the table that maps the key cells[c] to c."""
+    keys, numbers = empty_table(cells.shape[0], np.int64(2) ** 40)
     for c in range(cells.shape[0]):
         slot = find_slot(keys, cells[c], keys.shape[0] - 1)
         keys[slot] = cells[c]
-        slots[slot] = c
-    return keys, slots
+        numbers[slot] = c
+    return keys, numbers
 
 
-@njit("Tuple((int64[::1], int32[::1]))(int64[::1], int32[::1])", cache=True)
-def doubled(keys, slots):
-    """The table in twice its size."""
+@njit(f"{TABLE}({TABLE})", cache=True)
+def double_table(table):
+    """Return a copy of the table with twice as many slots."""
+    keys, numbers = table
     larger = np.full(2 * keys.shape[0], np.int64(-1))
-    numbers = np.empty(larger.shape[0], np.int32)
+    copied = np.empty(larger.shape[0], np.int32)
     for old in range(keys.shape[0]):
         if keys[old] != -1:
             slot = find_slot(larger, keys[old], larger.shape[0] - 1)
             larger[slot] = keys[old]
-            numbers[slot] = slots[old]
-    return larger, numbers
+            copied[slot] = numbers[old]
+    return larger, copied
 
 
 @njit(
-    "UniTuple(int64, 2)(float32[:, ::1], float32[::1], float32, int64[::1], int32[::1], int32[::1],"
-    " int32[::1], int64, int64)",
+    f"UniTuple(int64, 2)(float32[:, ::1], {GRID}, {TABLE}, int32[::1], int32[::1], int64, int64)",
     cache=True,
 )
-def number_until_half_full(points, origin, size, keys, slots, cell_of, counts, i, cells):
-    """Number the cells of the points from row i on until the table is half full: (next row, number
-    of cells)."""
+def number_until_half_full(points, grid, table, cell_of, counts, row, cells):
+    """Assign cell numbers to the points from a row on, until the table is half full.
+
+    Writes the cell of each point into cell_of (N,) and the points of each cell into counts (N,).
+
+    Returns
+    -------
+    The next row and the number of cells so far.
+    """
+    origin, size = grid
+    keys, numbers = table
     inverse = np.float32(1.0) / size
     mask = keys.shape[0] - 1
-    while i < points.shape[0] and 2 * cells <= mask:
+    while row < points.shape[0] and 2 * cells <= mask:
         key = cell_key(
-            np.int64((points[i, 0] - origin[0]) * inverse),
-            np.int64((points[i, 1] - origin[1]) * inverse),
-            np.int64((points[i, 2] - origin[2]) * inverse),
+            np.int64((points[row, 0] - origin[0]) * inverse),
+            np.int64((points[row, 1] - origin[1]) * inverse),
+            np.int64((points[row, 2] - origin[2]) * inverse),
         )
         slot = find_slot(keys, key, mask)
         if keys[slot] == -1:
             keys[slot] = key
-            slots[slot] = cells
+            numbers[slot] = cells
             cells += 1
-        cell_of[i] = slots[slot]
-        counts[slots[slot]] += 1
-        i += 1
-    return i, cells
+        cell_of[row] = numbers[slot]
+        counts[numbers[slot]] += 1
+        row += 1
+    return row, cells
 
 
 @njit(
-    "Tuple((int64[::1], int32[::1], int32[::1], int32[::1]))"
-    "(float32[:, ::1], float32[::1], float32, int64)",
+    f"Tuple(({TABLE}, int32[::1], int32[::1]))(float32[:, ::1], {GRID}, int64)",
     cache=True,
 )
-def number_cells(points, origin, size, most_slots):
-    """Number the occupied cells in order of first appearance: (keys, slots, cell of point,
-    counts), in a table that has up to `most_slots` to begin with."""
+def number_cells(points, grid, max_slots):
+    """Assign numbers to the occupied cells, in the order in which points (N, 3) meet them.
+
+    Parameters
+    ----------
+    points, grid
+        The cloud and its grid.
+    max_slots
+        Largest first size of the table, which doubles whenever it is half full.
+
+    Returns
+    -------
+    The table, the cell (N,) of each point, and the points (cells,) in each cell.
+    """
     n = points.shape[0]
-    keys, slots = empty_table(n, most_slots)
+    table = empty_table(n, max_slots)
     cell_of = np.empty(n, np.int32)
     counts = np.zeros(n, np.int32)
-    i, cells = number_until_half_full(points, origin, size, keys, slots, cell_of, counts, 0, 0)
-    while i < n:
-        keys, slots = doubled(keys, slots)
-        i, cells = number_until_half_full(
-            points, origin, size, keys, slots, cell_of, counts, i, cells
-        )
-    return keys, slots, cell_of, counts[:cells]
+    row, cells = number_until_half_full(points, grid, table, cell_of, counts, 0, 0)
+    while row < n:
+        table = double_table(table)
+        row, cells = number_until_half_full(points, grid, table, cell_of, counts, row, cells)
+    return table, cell_of, counts[:cells]
 
 
-@njit("float32[:, ::1](float32[:, ::1], float32[::1], float32)", cache=True)
-def cell_means(points, origin, size):
-    """Mean of the points of each occupied cell."""
-    _, _, cell_of, counts = number_cells(points, origin, size, MANY_CELLS)
+@njit(f"float32[:, ::1](float32[:, ::1], {GRID})", cache=True)
+def cell_means(points, grid):
+    """Return the (cells, 3) means of the points in each occupied cell."""
+    _, cell_of, counts = number_cells(points, grid, LARGE_TABLE_SLOTS)
     sums = np.zeros((counts.shape[0], 3), np.float64)
     for i in range(points.shape[0]):
         c = cell_of[i]
@@ -114,17 +132,17 @@ def cell_means(points, origin, size):
     return means
 
 
-@njit(
-    "float32[:, ::1](float32[:, ::1], int64[::1], float32[::1], float32)", cache=True, parallel=True
-)
-def means_of_buckets(points, bounds, origin, size):
-    """`cell_means` of points of which bucket b holds bounds[b]:bounds[b + 1] and no cell lies in
-    two."""
+@njit(f"float32[:, ::1](float32[:, ::1], int64[::1], {GRID})", cache=True, parallel=True)
+def bucket_cell_means(points, bounds, grid):
+    """Return `cell_means` of points sorted by bucket, one bucket a task.
+
+    Bucket b holds the rows bounds[b]:bounds[b + 1]; no cell has points in two buckets.
+    """
     buckets = bounds.shape[0] - 1
     means = np.empty((points.shape[0], 3), np.float32)
     cells = np.zeros(buckets, np.int64)
     for b in prange(buckets):
-        found = cell_means(points[bounds[b] : bounds[b + 1]], origin, size)
+        found = cell_means(points[bounds[b] : bounds[b + 1]], grid)
         cells[b] = found.shape[0]
         means[bounds[b] : bounds[b] + cells[b]] = found
     all_means = np.empty((cells.sum(), 3), np.float32)
@@ -135,18 +153,21 @@ def means_of_buckets(points, bounds, origin, size):
     return all_means
 
 
-@njit(
-    "Tuple((int64[::1], int32[::1], int32[::1]))(float32[:, ::1], float32[::1], float32)",
-    cache=True,
-)
-def sorted_cells(points, origin, size):
-    """The occupied cells by their keys: (keys, counts, rows of the points cell by cell)."""
-    keys, slots, cell_of, counts = number_cells(points, origin, size, FEW_CELLS)
+@njit(f"Tuple((int64[::1], int32[::1], int32[::1]))(float32[:, ::1], {GRID})", cache=True)
+def sort_cells(points, grid):
+    """Sort the occupied cells of points (N, 3) by their keys.
+
+    Returns
+    -------
+    Keys (cells,), points in each (cells,), and rows (N,) of the points cell by cell.
+    """
+    table, cell_of, counts = number_cells(points, grid, SMALL_TABLE_SLOTS)
+    keys, numbers = table
     cells = counts.shape[0]
     key_of = np.empty(cells, np.int64)
     for slot in range(keys.shape[0]):
         if keys[slot] != -1:
-            key_of[slots[slot]] = keys[slot]
+            key_of[numbers[slot]] = keys[slot]
     order = np.argsort(key_of)
     place = np.empty(cells, np.int32)
     start = 0
@@ -162,24 +183,29 @@ def sorted_cells(points, origin, size):
 
 
 @njit(
-    "Tuple((int64[::1], int32[::1], int32[::1]))"
-    "(float32[:, ::1], int64[::1], float32[::1], float32)",
+    f"Tuple((int64[::1], int32[::1], int32[::1]))(float32[:, ::1], int64[::1], {GRID})",
     cache=True,
     parallel=True,
 )
-def cells_of_buckets(points, bounds, origin, size):
-    """`sorted_cells` of points of which bucket b holds bounds[b]:bounds[b + 1] and no cell lies in
-    two: (keys, where each cell starts and the last one ends, rows)."""
+def sort_bucket_cells(points, bounds, grid):
+    """Sort the cells of points that are sorted by bucket, one bucket a task.
+
+    Bucket b holds the rows bounds[b]:bounds[b + 1]; no cell has points in two buckets.
+
+    Returns
+    -------
+    Keys (cells,), starts (cells + 1,) of the cells in the rows, and rows (N,) cell by cell.
+    """
     n, buckets = points.shape[0], bounds.shape[0] - 1
     keys, counts, rows = np.empty(n, np.int64), np.empty(n, np.int32), np.empty(n, np.int32)
     cells = np.zeros(buckets, np.int64)
     for b in prange(buckets):
         first, last = bounds[b], bounds[b + 1]
-        some, count, row = sorted_cells(points[first:last], origin, size)
-        cells[b] = some.shape[0]
-        keys[first : first + cells[b]] = some
-        counts[first : first + cells[b]] = count
-        rows[first:last] = row + np.int32(first)
+        bucket_keys, bucket_counts, bucket_rows = sort_cells(points[first:last], grid)
+        cells[b] = bucket_keys.shape[0]
+        keys[first : first + cells[b]] = bucket_keys
+        counts[first : first + cells[b]] = bucket_counts
+        rows[first:last] = bucket_rows + np.int32(first)
     all_keys, starts = np.empty(cells.sum(), np.int64), np.zeros(cells.sum() + 1, np.int32)
     c = 0
     for b in range(buckets):

@@ -1,25 +1,35 @@
-"""A lattice that names the nearest reference point of every cell: one array read instead of a tree
-query."""
+"""Exact Euclidean distance transform of a cloud, with the nearest point of every cell.
+
+A query of the nearest point becomes one array read.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 
-FAR = np.int32(1 << 28)
+UNREACHED = np.int32(1 << 28)
+"""Squared distance, in cells, of a cell that no point has reached yet."""
 
 
 @njit("void(int32[::1], int32[::1], int64)", cache=True)
 def lower_envelope(squared, feature, n):
-    """One line of the exact Euclidean distance transform (Felzenszwalb and Huttenlocher 2012), in
-    place: squared distances in cells^2, with the feature that attains each."""
+    """Transform the first n cells of a line in place (Felzenszwalb and Huttenlocher 2012).
+
+    Parameters
+    ----------
+    squared
+        Squared distances, in cells; replaced by the lower envelope of the parabolas on them.
+    feature
+        Index of the point that attains each.
+    """
     sites = np.empty(n, np.int64)
     bounds = np.empty(n + 1, np.float64)
     heights = np.empty(n, np.int64)
     features = np.empty(n, np.int32)
     k = -1
     for q in range(n):
-        if squared[q] >= FAR:
+        if squared[q] >= UNREACHED:
             continue
         h = np.int64(squared[q]) + q * q
         start = -1e300
@@ -44,15 +54,41 @@ def lower_envelope(squared, feature, n):
         feature[q] = features[j]
 
 
+@njit("void(int32[:], int32[:])", cache=True)
+def transform_line(squared, feature):
+    """Apply `lower_envelope` to a line of any stride, in place."""
+    line, names = squared.copy(), feature.copy()
+    lower_envelope(line, names, line.shape[0])
+    squared[:] = line
+    feature[:] = names
+
+
 @njit(
     "int32[:, :, ::1](float32[:, ::1], float32[::1], float32, int64[::1])",
     cache=True,
     parallel=True,
 )
-def nearest_index(points, origin, size, shape):
-    """For each cell the index of the point whose cell is nearest (exact between cell centres)."""
+def nearest_point_index(points, origin, size, shape):
+    """Find for each cell of a lattice the point whose cell is nearest.
+
+    The distance is that between the centers of the cells, and exact. Of several points in a cell
+    the one nearest to its center stands for it.
+
+    Parameters
+    ----------
+    points
+        (N, 3) points, all of them inside the lattice.
+    origin, size
+        Corner (3,) of the lattice and edge of its cells.
+    shape
+        (3,) number of cells along each axis.
+
+    Returns
+    -------
+    (nx, ny, nz) rows of `points`.
+    """
     nx, ny, nz = shape[0], shape[1], shape[2]
-    squared = np.full((nx, ny, nz), FAR)
+    squared = np.full((nx, ny, nz), UNREACHED)
     feature = np.full((nx, ny, nz), np.int32(-1))
     offset = np.full((nx, ny, nz), np.float32(np.inf))
     for i in range(points.shape[0]):
@@ -66,26 +102,11 @@ def nearest_index(points, origin, size, shape):
             squared[cx, cy, cz] = 0
             feature[cx, cy, cz] = i
     for x in prange(nx):
-        line = np.empty(ny, np.int32)
-        names = np.empty(ny, np.int32)
         for y in range(ny):
             lower_envelope(squared[x, y], feature[x, y], nz)
         for z in range(nz):
-            for y in range(ny):
-                line[y] = squared[x, y, z]
-                names[y] = feature[x, y, z]
-            lower_envelope(line, names, ny)
-            for y in range(ny):
-                squared[x, y, z] = line[y]
-                feature[x, y, z] = names[y]
+            transform_line(squared[x, :, z], feature[x, :, z])
     for y in prange(ny):
-        line = np.empty(nx, np.int32)
-        names = np.empty(nx, np.int32)
         for z in range(nz):
-            for x in range(nx):
-                line[x] = squared[x, y, z]
-                names[x] = feature[x, y, z]
-            lower_envelope(line, names, nx)
-            for x in range(nx):
-                feature[x, y, z] = names[x]
+            transform_line(squared[:, y, z], feature[:, y, z])
     return feature

@@ -1,16 +1,32 @@
-"""Many poses descend at once on the P2 energy, each with its own small sample and a sampled
-field."""
+"""Descent of many poses at once on the P2 energy.
+
+Each pose compares one small sample of the source with the target's nearest points, which it reads
+from a lattice.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 
+from mpe_core.kernels.rigid_motion import update_pose
+
 
 @njit("boolean(float64[:, ::1], float64[::1])", cache=True, error_model="numpy")
-def solve_symmetric(a, b):
-    """Cholesky solution of a positive definite 6x6 system, in place (lower triangle read); False
-    if it is not."""
+def solve_cholesky(a, b):
+    """Solve the positive definite system a x = b of six unknowns in place.
+
+    Parameters
+    ----------
+    a
+        (6, 6) matrix of which the lower triangle is read; overwritten by its Cholesky factor.
+    b
+        (6,) right side; overwritten by x.
+
+    Returns
+    -------
+    False if the matrix is not positive definite; b is then useless.
+    """
     for i in range(6):
         for j in range(i + 1):
             s = a[i, j]
@@ -35,45 +51,42 @@ def solve_symmetric(a, b):
     return True
 
 
-@njit("void(float64[:, ::1], float64[::1])", cache=True)
-def move(T, step):
-    """T <- exp(step) T, step = (rotation vector, translation), rotation about the frame's
-    origin."""
-    angle = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-    if angle < 1e-12:
-        a, b = 1.0, 0.5
-    else:
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / (angle * angle)
-    wx, wy, wz = step[0], step[1], step[2]
-    for c in range(4):
-        x, y, z = T[0, c], T[1, c], T[2, c]
-        # Rodrigues: p + a w x p + b w x (w x p)
-        ux, uy, uz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
-        T[0, c] = x + a * ux + b * (wy * uz - wz * uy)
-        T[1, c] = y + a * uy + b * (wz * ux - wx * uz)
-        T[2, c] = z + a * uz + b * (wx * uy - wy * ux)
-    T[0, 3] += step[3]
-    T[1, 3] += step[4]
-    T[2, 3] += step[5]
-
-
 F32, ZERO = np.float32, np.float32(0.0)
-SURFACE = "Tuple((float32[:, ::1], float32[:, ::1], float32[::1]))"  # points, normals, weights
-FIELD = "Tuple((int32[:, :, ::1], float32[::1], float32))"  # rows, origin, cell
+SURFACE = "Tuple((float32[:, ::1], float32[:, ::1], float32[::1]))"
+"""Points (N, 3), unit normals (N, 3) and weights (N,)."""
+LATTICE = "Tuple((int32[:, :, ::1], float32[::1], float32))"
+"""Rows (nx, ny, nz) of the nearest target points, origin (3,) and edge of the cells."""
+SCHEDULE = "Tuple((float32, float32, int64))"
+"""First and last softening length eps, and the number of iterations."""
 FAST = {"cache": True, "fastmath": True, "error_model": "numpy"}
 
 
 @njit(
-    f"float32(float64[:, ::1], {SURFACE}, {SURFACE}, {FIELD}, float32, float32, boolean,"
+    f"float32(float64[:, ::1], {SURFACE}, {SURFACE}, {LATTICE}, float32, float32, boolean,"
     " float64[:, ::1], float64[::1])",
     **FAST,
 )
-def normal_equations(T, source, target, field, e2, slide, oriented, H, g):
-    """Lower half of H (6, 6), and g (6,), of one step of `descend` at the pose T with eps^2 = e2;
-    returns the sum of the points' scores."""
+def normal_equations(T, source, target, lattice, eps2, tangential_weight, is_oriented, H, g):
+    """Write the normal equations of one step of `descend_poses` at the pose T.
+
+    Parameters
+    ----------
+    T, source, target, lattice, tangential_weight, is_oriented
+        As in `descend_poses`, of one pose.
+    eps2
+        Square of the softening length.
+    H, g
+        (6, 6) matrix, of which the lower half is written, and (6,) right side.
+
+    Returns
+    -------
+    The sum of the points' scores.
+    """
+    # Unrolled on purpose: 27 sums in registers, where a loop over J J^T writes H to memory for each
+    # point. It is the inner loop of the search.
     points, normals, weights = source
     target_points, target_normals, target_weights = target
-    rows, origin, cell = field
+    rows, origin, cell = lattice
     nx, ny, nz = rows.shape
     inverse = F32(1.0) / cell
     r00, r01, r02, t0 = F32(T[0, 0]), F32(T[0, 1]), F32(T[0, 2]), F32(T[0, 3])
@@ -99,16 +112,16 @@ def normal_equations(T, source, target, field, e2, slide, oriented, H, g):
             + ay * (r10 * sx + r11 * sy + r12 * sz)
             + az * (r20 * sx + r21 * sy + r22 * sz)
         )
-        if oriented:
+        if is_oriented:
             agree = max(agree, ZERO)
-        pull = e2 / (dx * dx + dy * dy + dz * dz + e2)
+        pull = eps2 / (dx * dx + dy * dy + dz * dz + eps2)
         w = min(weights[i], target_weights[j]) * agree * agree * pull
         score += w
         w *= pull
         d = dx * ax + dy * ay + dz * az
         cx, cy, cz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
         wcx, wcy, wcz, wax, way, waz = w * cx, w * cy, w * cz, w * ax, w * ay, w * az
-        s = w * slide
+        s = w * tangential_weight
         spx, spy, spz = s * px, s * py, s * pz
         h00 += wcx * cx + spy * py + spz * pz
         h01 += wcx * cy - spx * py
@@ -147,19 +160,36 @@ def normal_equations(T, source, target, field, e2, slide, oriented, H, g):
 
 
 @njit(
-    f"void(float64[:, :, ::1], float32[::1], {SURFACE}, {SURFACE}, {FIELD}, float32, float32,"
-    " int64, float32, boolean)",
+    f"void(float64[:, :, ::1], float32[::1], {SURFACE}, {SURFACE}, {LATTICE}, {SCHEDULE}, float32,"
+    " boolean)",
     parallel=True,
     **FAST,
 )
-def descend(poses, scores, source, target, field, start, end, iterations, slide, oriented):
-    """Majorise-minimise the P2 energy of every pose in place; then score it at eps = `end`.
+def descend_poses(poses, scores, source, target, lattice, schedule, tangential_weight, is_oriented):
+    """Majorize-minimize the P2 energy of every pose in place, then score it.
 
-    source and target are (points, normals, weights), and the field (rows, origin, cell) holds rows
-    of the target. Each iteration minimises sum w [(n.r)^2 + slide |r|^2], r = y - p, over a small
-    motion, with w = K |n.n'|^2 / (|r|^2 + eps^2)^2 and eps falling geometrically from `start` to
-    `end`. Of `oriented` normals those that point apart weigh nothing.
+    Each iteration minimizes sum w [(n.r)^2 + tangential_weight |r|^2], r = y - p, over a small
+    motion, with w = K |n.n'|^2 / (|r|^2 + eps^2)^2, where y and n are the nearest target point and
+    its normal, and K is the smaller weight of both points. eps falls geometrically.
+
+    Parameters
+    ----------
+    poses
+        (K, 4, 4) T_target_source, replaced.
+    scores
+        (K,) receives the share of the source's weight that is matched at the last eps, 0 to 1.
+    source, target
+        Points, normals and weights, as `SURFACE`.
+    lattice
+        Rows of the nearest target points, as `LATTICE`.
+    schedule
+        First and last eps, and the iterations, as `SCHEDULE`.
+    tangential_weight
+        Weight of the distance along the surface beside that across it.
+    is_oriented
+        Whether the sign of normals counts: points whose normals are opposed then weigh nothing.
     """
+    start, end, iterations = schedule
     ratio = (end / start) ** (1.0 / max(1, iterations - 1))
     total = ZERO
     for weight in source[2]:
@@ -170,13 +200,15 @@ def descend(poses, scores, source, target, field, start, end, iterations, slide,
         g = np.empty(6, np.float64)
         for iteration in range(iterations + 1):
             eps = end if iteration == iterations else start * ratio**iteration
-            e2 = F32(eps * eps)
-            score = normal_equations(T, source, target, field, e2, slide, oriented, H, g)
+            eps2 = F32(eps * eps)
+            score = normal_equations(
+                T, source, target, lattice, eps2, tangential_weight, is_oriented, H, g
+            )
             if iteration == iterations:
                 scores[c] = score / total
             else:
                 # a share of the trace holds directions that nothing constrains
                 H += (1e-6 * np.trace(H) + 1e-12) * np.eye(6)
-                if solve_symmetric(H, g):
-                    move(T, g)
+                if solve_cholesky(H, g):
+                    update_pose(T, g)
         poses[c] = T

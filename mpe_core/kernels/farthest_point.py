@@ -1,4 +1,4 @@
-"""Farthest-point order."""
+"""Farthest-point sampling."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from numba import njit
 
 @njit("int64[::1](float32[:, ::1], int64)", cache=True)
 def farthest_order(points, count):
-    """Rows of `count` points, each the farthest from those before it; the first row comes first."""
+    """Return the rows of `count` points, each the farthest from those before it.
+
+    The first row of points (N, 3) comes first; of equally far points the first row is taken.
+    """
     n = points.shape[0]
     distance = np.full(n, np.float32(np.inf))
     order = np.empty(count, np.int64)

@@ -1,8 +1,8 @@
-"""Exact double sums over all pairs of points; clouds are (3, count) float32.
+"""Exact forces between all pairs of points of two clouds (3, count) float32.
 
-Every row is summed by one thread, in blocks of fixed length: float32 within a block, float64
-across blocks. So the bits do not depend on the number of threads, and the rounding error does not
-grow with the number of points.
+One thread sums a row, in blocks of fixed length: float32 within a block, float64 across blocks.
+The bits therefore do not depend on the number of threads, and the rounding error does not grow
+with the number of points.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-# error_model: Python's check for division by zero is a branch, which makes the loops ten times
-# slower (1.2 instead of 11 billion pairs/s). The block functions are apart because LLVM does not
-# vectorise their loops inside prange (1.4).
+# error_model: Python's check for division by zero is a branch, which keeps LLVM from vectorizing.
+# For the same reason the loop over a block is a function of its own and not in prange; each is
+# worth a factor of eight (docs/tuning.md).
 FAST = {"fastmath": True, "error_model": "numpy", "cache": True}
 BLOCK = 1024
+"""Points summed in float32 before the sum goes to float64."""
 ONE = np.float32(1)
-TINY = np.float32(1e-20)  # keeps n_ij of coincident points finite: their force is zero
+TINY = np.float32(1e-20)
+"""Keeps n_ij of coincident points finite: their force is zero."""
 
 
 @njit("UniTuple(f4, 3)(f4, f4, f4, f4, f4[::1], f4[::1], f4[::1], f4[::1])", **FAST)
@@ -29,15 +31,15 @@ def block_force(
     px: NDArray[np.float32],
     py: NDArray[np.float32],
     pz: NDArray[np.float32],
-    mass: NDArray[np.float32],
+    weights: NDArray[np.float32],
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Pull of points on one point; `mass` is empty where all have 1."""
+    """Return the force of points on the point (x, y, z); `weights` is empty where all are 1."""
     fx, fy, fz = np.float32(0), np.float32(0), np.float32(0)
-    weighed = mass.shape[0] > 0  # the compiler makes two loops; a mass costs a tenth more time
+    is_weighted = weights.shape[0] > 0  # the compiler makes two loops of this one
     for j in range(px.shape[0]):
         dx, dy, dz = px[j] - x, py[j] - y, pz[j] - z
         r2 = dx * dx + dy * dy + dz * dz + TINY
-        pull = (mass[j] if weighed else ONE) / ((r2 + eps2) * np.sqrt(r2))
+        pull = (weights[j] if is_weighted else ONE) / ((r2 + eps2) * np.sqrt(r2))
         fx += pull * dx
         fy += pull * dy
         fz += pull * dz
@@ -48,12 +50,15 @@ def block_force(
 def pair_force(
     x: NDArray[np.float32],
     y: NDArray[np.float32],
-    mass: NDArray[np.float32],
+    weights: NDArray[np.float32],
     eps: float,
     force: NDArray[np.float64],
 ) -> None:
-    """force[:, i] = -sum_j m_j n_ij / (|x_i - y_j|^2 + eps^2): Eq. 7 with K_i = 1. `mass` (M,) is
-    empty where all m_j are 1."""
+    """Write the forces of y (3, M) on x (3, N) into force (3, N): Eq. 7 with K_i = 1.
+
+    force[:, i] = -sum_j w_j n_ij / (|x_i - y_j|^2 + eps^2), with the weights w (M,), an empty array
+    where all are 1.
+    """
     count = y.shape[1]
     for i in prange(x.shape[1]):
         fx, fy, fz = 0.0, 0.0, 0.0
@@ -67,7 +72,7 @@ def pair_force(
                 y[0, start:end],
                 y[1, start:end],
                 y[2, start:end],
-                mass[start:end],
+                weights[start:end],
             )
             fx += bx
             fy += by

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 ROWS_PER_TASK = 512
+"""Points that one task sums; fixed, so the total does not depend on the threads."""
 
 
 @njit(
@@ -15,10 +16,25 @@ ROWS_PER_TASK = 512
     parallel=True,
     error_model="numpy",
 )
-def plane_equations(points, nearest, normals, used, cut):
-    """Per task (H, g) of sum rho(n.(y - p)) over the used rows, for p -> p + w x p + v, with
-    Tukey's biweight rho of cut-off `cut`. Tasks have fixed rows: their sum does not depend on the
-    threads."""
+def plane_equations(points, nearest, normals, valid, cutoff):
+    """Return the normal equations of the robust point-to-plane sum, per task.
+
+    The sum is that of rho(n.(y - p)) over a small motion p -> p + w x p + v, with Tukey's biweight
+    rho. Its step (w, v) solves H (w, v) = g.
+
+    Parameters
+    ----------
+    points, nearest, normals
+        (N, 3) points p, their correspondences y and the unit normals n there.
+    valid
+        (N,) whether the row counts.
+    cutoff
+        Distance from the plane from which on a point has no weight.
+
+    Returns
+    -------
+    H (tasks, 6, 6) and g (tasks, 6), to be summed over the tasks.
+    """
     n = points.shape[0]
     tasks = (n + ROWS_PER_TASK - 1) // ROWS_PER_TASK
     H = np.zeros((tasks, 6, 6))
@@ -26,12 +42,12 @@ def plane_equations(points, nearest, normals, used, cut):
     for task in prange(tasks):
         J = np.empty(6)
         for i in range(task * ROWS_PER_TASK, min(n, (task + 1) * ROWS_PER_TASK)):
-            if not used[i]:
+            if not valid[i]:
                 continue
             px, py, pz = points[i, 0], points[i, 1], points[i, 2]
             nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
             d = (nearest[i, 0] - px) * nx + (nearest[i, 1] - py) * ny + (nearest[i, 2] - pz) * nz
-            u = (d / cut) ** 2
+            u = (d / cutoff) ** 2
             if u >= 1.0:
                 continue
             w = (1.0 - u) * (1.0 - u)

@@ -1,8 +1,7 @@
-"""Points and correspondences by row; numpy takes five times as long for millions of them.
+"""Elementwise loops over the rows of large clouds, five times as fast as numpy.
 
-What has as many rows as the clouds is written into arrays that the caller brings, numpy's: numpy
-asks the system for huge pages, numba does not. Ten million points onto ten million, median of eight
-calls on a virtual machine: 2.3 s, where numba's arrays took 2.5.
+Results are written into an array `out` that the caller allocates with numpy, which asks the system
+for huge pages; numba does not.
 """
 
 from __future__ import annotations
@@ -10,36 +9,49 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, njit, prange, void
 
-from mpe_core.kernels.bounds import GIVEN, SINGLE
+from mpe_core.kernels.bounds import POINTS32, POINTS64
 
 
 @njit(
-    [void(GIVEN, GIVEN, float64[:, ::1]), void(GIVEN, SINGLE, float64[:, ::1])],
+    [void(POINTS64, POINTS64, float64[:, ::1]), void(POINTS64, POINTS32, float64[:, ::1])],
     cache=True,
     parallel=True,
 )
-def transformed(T, points, found):
-    """found (N, 3) = points R x + t."""
+def transform_points(T, points, out):
+    """Write R x + t of each point x (N, 3) into out (N, 3); T is a (4, 4) pose."""
     for i in prange(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for a in range(3):
-            found[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
+            out[i, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
 
 
 @njit("void(float32[:, ::1], int32[::1], float32[:, ::1])", cache=True, parallel=True)
-def columns_at(points, rows, found):
-    """found (3, N) = points at the rows (N,)."""
+def gather_columns(points, rows, out):
+    """Write the points at the rows (N,) into the columns of out (3, N)."""
     for i in prange(rows.shape[0]):
         for a in range(3):
-            found[a, i] = points[rows[i], a]
+            out[a, i] = points[rows[i], a]
 
 
 @njit("void(int32[::1], int32[::1], int32[::1], int64[::1])", cache=True, parallel=True)
-def rows_as_given(places, rows, order, found):
-    """found (N,) = rows[places], or -1 where a place is -1, of queries that were asked in this
-    order, in the order that they came in."""
+def restore_order(places, rows, order, out):
+    """Translate the answers to reordered queries into the caller's rows and order.
+
+    Writes rows[places[i]] into out[order[i]], or -1 where places[i] is -1.
+
+    Parameters
+    ----------
+    places
+        (N,) answers: rows of the reordered cloud, or -1.
+    rows
+        (M,) row of the caller's cloud of each row of the reordered one.
+    order
+        (N,) place of each reordered query among the caller's.
+    out
+        (N,) receives the rows of the caller's cloud.
+    """
     for i in prange(places.shape[0]):
-        found[order[i]] = rows[places[i]] if places[i] >= 0 else -1
+        out[order[i]] = rows[places[i]] if places[i] >= 0 else -1
 
 
 @njit(
@@ -47,14 +59,17 @@ def rows_as_given(places, rows, order, found):
     cache=True,
     parallel=True,
 )
-def row_distances(points, cloud, rows, unit, found):
-    """found (N,) = distance, in units, of each point (N, 3) from its row (N,) of the cloud (M, 3);
-    infinite for -1."""
+def correspondence_distances(points, cloud, rows, unit, out):
+    """Write the distance of each point from its correspondence into out (N,), times `unit`.
+
+    The correspondence of points (N, 3) are the rows (N,) of the cloud (M, 3); the distance to row
+    -1 is infinite.
+    """
     for i in prange(points.shape[0]):
         j = rows[i]
-        found[i] = np.inf
+        out[i] = np.inf
         if j >= 0:
             dx = points[i, 0] - cloud[j, 0]
             dy = points[i, 1] - cloud[j, 1]
             dz = points[i, 2] - cloud[j, 2]
-            found[i] = unit * np.sqrt(dx * dx + dy * dy + dz * dz)
+            out[i] = unit * np.sqrt(dx * dx + dy * dy + dz * dz)

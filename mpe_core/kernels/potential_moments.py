@@ -1,4 +1,4 @@
-"""Energy, gradient and curvature of the full-sum P2 potential, point by point."""
+"""Terms of the energy, gradient and curvature of the full-sum P2 potential, point by point."""
 
 from __future__ import annotations
 
@@ -40,9 +40,11 @@ def _moments(x, y, z, eps2, px, py, pz):
 
 @njit("void(f4[:, ::1], f4[:, ::1], f4, f4[:, ::1])", cache=True, parallel=True)
 def potential_moments(x, y, eps, out):
-    """For each point of x (3, N) in the field of y (3, M): out (N, 11) = sums over j of u, u^2,
-    u^2 d (3) and u^3 d d^T (6: xx xy xz yy yz zz), with d = y_j - x_i and u = 1 / (|d|^2 +
-    eps^2)."""
+    """Write the moments of the potential of y (3, M) at each point of x (3, N).
+
+    With d = y_j - x_i and u = 1 / (|d|^2 + eps^2), row i of out (N, 11) receives the sums over j of
+    u, u^2, u^2 d (3 columns) and u^3 d d^T (6 columns: xx xy xz yy yz zz).
+    """
     for i in prange(x.shape[1]):
         m = _moments(x[0, i], x[1, i], x[2, i], eps * eps, y[0], y[1], y[2])
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = m[0], m[1], m[2], m[3]

@@ -1,4 +1,4 @@
-"""The force field of a fixed reference cloud."""
+"""The force field of a fixed target, exact and by a tree."""
 
 from __future__ import annotations
 
@@ -13,79 +13,95 @@ from mpe_core.paper.barnes_hut_tree import build_tree
 
 Array = NDArray[np.float64]
 
-FARTHEST = 1e9  # in radii: nothing so far away pulls noticeably
+CLIP_DISTANCE = 1e9
+"""Largest absolute coordinate, in radii; points beyond it are moved there, where squares do not
+overflow and forces are next to zero."""
 
-OPENING = np.float32(0.2)
-"""Radius over distance up to which a cell of the tree stands for its points. Root mean square error
-of the forces on 35,947 points from as many, processor time: 0.2 5e-5 in 33 ms, 0.3 2e-4 in 22, 0.4
-6e-4 in 19; exact in 203. Algorithm 1 on views of dragon and Chef, which pass some mutation points
-narrowly, ends within 0.003 degrees of the exact sum's pose with 0.2, within 0.13 with 0.3."""
+OPENING_RATIO = np.float32(0.2)
+"""Radius over distance below which a cell of the tree stands for its points: an error of 5e-5 of
+the forces; with 0.3 poses differ visibly from those of the exact sum (docs/tuning.md)."""
 
 
-class Field(Protocol):
-    """Static field of the target."""
+class ForceField(Protocol):
+    """Static force field of the target."""
 
     def force(self, points: Array) -> Array:
-        """(N, 3) forces F_i on points (N, 3) (Eq. 7 with K_i = 1): a weight of the point multiplies
-        its force."""
+        """Return the (N, 3) forces F_i on points (N, 3): Eq. 7 with K_i = 1."""
 
 
 class ExactField:
-    """Static field of the target: forces on any points by the direct sum over all pairs (Eq. 7).
+    """Force field summed over all pairs of points (Eq. 7)."""
 
-    eps (in the unit of the points) bounds the force of one pair. Each point of the target pulls
-    with its mass (M,), 1 where none are given: the K of Eq. 7 for the fixed cloud.
-    """
+    def __init__(self, target: Array, eps: float, weights: Array | None = None) -> None:
+        """Take the points that attract.
 
-    def __init__(self, target: Array, eps: float, masses: Array | None = None) -> None:
+        Parameters
+        ----------
+        target
+            (M, 3) fixed points.
+        eps
+            Softening length, in the unit of the points, which bounds the force of a pair.
+        weights
+            (M,) K_j of the fixed points; all 1 where none are given.
+        """
         self._target = _single(target)
-        self._masses = np.asarray([] if masses is None else masses, np.float32)
+        self._weights = np.asarray([] if weights is None else weights, np.float32)
         self._eps = np.float32(eps)
 
     def force(self, points: Array) -> Array:
-        """(N, 3) forces F_i on points (N, 3)."""
+        """Return the (N, 3) forces F_i on points (N, 3)."""
         force = np.empty((3, len(points)))
-        pair_force(_single(points), self._target, self._masses, self._eps, force)
+        pair_force(_single(points), self._target, self._weights, self._eps, force)
         return force.T
 
 
 class TreeField:
-    """The same field with distant parts of the target summed as one (Barnes and Hut 1986), in time
-    M log M to build and N log M for the forces.
+    """The same field, with distant points of the target summed as one (Barnes and Hut 1986).
 
-    Quickest for points of which neighbours stand together (`tree.tree_order`); right in any order.
+    Takes time M log M to build and N log M for the forces. Fastest for points in an order in which
+    neighbors follow each other (`barnes_hut_tree.tree_order`), correct in any order.
     """
 
-    def __init__(self, target: Array, eps: float, masses: Array | None = None) -> None:
-        self._tree = build_tree(_bounded(target), masses)
+    def __init__(self, target: Array, eps: float, weights: Array | None = None) -> None:
+        """Build the tree; the parameters are those of `ExactField`."""
+        tree = build_tree(_clipped(target), weights)
+        self._tree = tree.points, tree.weights, tree.starts, tree.cells
         self._eps = np.float32(eps)
 
     def force(self, points: Array) -> Array:
-        """(N, 3) forces F_i on points (N, 3)."""
+        """Return the (N, 3) forces F_i on points (N, 3)."""
         force = np.zeros((3, len(points)))
-        tree = self._tree
-        fixed = tree.points, tree.masses, tree.starts, tree.cells
-        tree_force(_single(points), *fixed, self._eps, OPENING, force)
+        tree_force(_single(points), self._tree, self._eps, OPENING_RATIO, force)
         return force.T
 
 
 def _single(points: Array) -> NDArray[np.float32]:
     """(3, N) float32."""
-    return np.ascontiguousarray(_bounded(points).T, np.float32)
+    return np.ascontiguousarray(_clipped(points).T, np.float32)
 
 
-def _bounded(points: Array) -> Array:
-    """What lies beyond FARTHEST is moved there, where squares do not overflow."""
-    return np.clip(points, -FARTHEST, FARTHEST)
+def _clipped(points: Array) -> Array:
+    return np.clip(points, -CLIP_DISTANCE, CLIP_DISTANCE)
 
 
-def traction(points: Array, centre: Array, force: Array) -> tuple[Array, Array]:
-    """Torque T and gravitational vector S of a rigid cloud about its centre (Eq. 8, 9), each (3,).
+def torque_and_gravity(points: Array, center: Array, force: Array) -> tuple[Array, Array]:
+    """Return the torque T and the gravitational vector S of a rigid cloud (Eq. 8, 9).
 
-    With v_i the unit vector from the centre to point i: T = sum v_i x [F_i - (F_i.v_i) v_i] and
+    With v_i the unit vector from the center to point i, T = sum v_i x [F_i - (F_i.v_i) v_i] and
     S = sum (F_i.v_i) v_i.
+
+    Parameters
+    ----------
+    points, force
+        (N, 3) points and the forces F_i on them.
+    center
+        (3,) center of mass.
+
+    Returns
+    -------
+    T (3,) and S (3,).
     """
-    arm = points - centre
+    arm = points - center
     length = np.sqrt(np.einsum("ni,ni->n", arm, arm))
     v = arm / np.maximum(length, np.finfo(np.float64).tiny)[:, None]
     M = np.einsum("ni,nj->ij", v, force)

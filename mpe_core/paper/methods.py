@@ -1,6 +1,8 @@
-"""The paper's methods as it prints them: local, with a wide basin."""
+"""Methods "mpe" and "mpl" as the paper prints them: local, with a wide basin of convergence."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,54 +10,72 @@ from mpe_core.clouds.normalize import Cloud, CloudPair
 from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply
 from mpe_core.options import RegistrationOptions
-from mpe_core.paper.algorithm1 import EPS, Descent, descend
+from mpe_core.paper.algorithm1 import SOFTENING, run_algorithm1
 from mpe_core.paper.barnes_hut_tree import tree_order
-from mpe_core.paper.force_field import Array, ExactField, Field, TreeField
-from mpe_core.paper.sparse_search import sparse_mpe
+from mpe_core.paper.force_field import Array, ExactField, TreeField
+from mpe_core.paper.sparse_search import search_sparse
 from mpe_core.paper.trimmed_icp import trimmed_icp
 from mpe_core.progress import Progress
 from mpe_core.refine.minimum import Minimum
 
 Weights = tuple[Array | None, Array | None]
-"""(N,) of the source and (M,) of the target, where there are any."""
+"""(N,) weights of the source and (M,) of the target; None where all are 1."""
 
 
 def run_paper_method(
     x: Cloud, y: Cloud, pair: CloudPair, options: RegistrationOptions, progress: Progress
 ) -> Minimum:
-    """Method "mpe" on all points, or "mpl" with a sparse search and trimmed ICP; without the points
-    of weight 0."""
+    """Run method "mpe" on all points, or "mpl" with a sparse search and trimmed ICP.
+
+    Points of weight 0 are left out.
+
+    Parameters
+    ----------
+    x, y
+        Source and target as checked.
+    pair
+        The same clouds centered and scaled.
+    options, progress
+        As in `register`.
+
+    Returns
+    -------
+    Pose between the clouds of the pair.
+    """
     start = np.eye(4)
     if options.initial_transform is not None:
         start = pair.from_caller(np.array(options.initial_transform))
     source, target = apply(start, x.heavy(pair.source)), y.heavy(pair.target)
-    method = _mpe if options.method == "mpe" else _mpl
+    method = _run_mpe if options.method == "mpe" else _run_mpl
     found = method(source, target, (x.masses(), y.masses()), options, progress)
-    return Minimum(found.T_target_source @ start, found.converged, found.iterations, is_planar=True)
+    return replace(found, T=found.T @ start, is_planar=True)
 
 
-def _mpe(
+def _run_mpe(
     source: Array, target: Array, weights: Weights, options: RegistrationOptions, progress: Progress
-) -> Descent:
-    """Algorithm 1 on the source (N, 3) from where it lies."""
-    K, masses = weights
+) -> Minimum:
+    """Run Algorithm 1 on the source (N, 3) from where it lies."""
+    source_weights, target_weights = weights
     with progress.stage("search") as report:
         if options.field == "exact":
-            field: Field = ExactField(target, EPS, masses)
-        else:
-            field, order = TreeField(target, EPS, masses), tree_order(source)
-            source, K = source[order], None if K is None else K[order]
-        return descend(source, field, options.max_iterations, report, K)
+            exact = ExactField(target, SOFTENING, target_weights)
+            return run_algorithm1(source, exact, options.max_iterations, report, source_weights)
+        tree, order = TreeField(target, SOFTENING, target_weights), tree_order(source)
+        ordered = None if source_weights is None else source_weights[order]
+        return run_algorithm1(source[order], tree, options.max_iterations, report, ordered)
 
 
-def _mpl(
+def _run_mpl(
     source: Array, target: Array, weights: Weights, options: RegistrationOptions, progress: Progress
-) -> Descent:
-    """Algorithm 1 on a sample of each cloud, then trimmed ICP on all points."""
-    most, size, seed = options.max_iterations, options.sample_size, options.seed
+) -> Minimum:
+    """Run Algorithm 1 on a sample of each cloud, then trimmed ICP on all points."""
+    max_iterations = options.max_iterations
     with progress.stage("search") as report:
-        T = sparse_mpe(source, target, size, most, seed, report, *weights).T_target_source
+        coarse = search_sparse(
+            source, target, options.sample_size, max_iterations, options.seed, report, *weights
+        )
     with progress.stage("refine") as report:
+        tree = NearestNeighbors(target)
         return trimmed_icp(
-            source, NearestNeighbors(target), T, options.overlap, most, report, *weights
+            source, tree, coarse.T, options.overlap, max_iterations, report, *weights
         )

@@ -7,14 +7,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.sampling import random_rows
-from mpe_core.paper.algorithm1 import EPS, Descent, descend
+from mpe_core.geometry.sampling import sample_points
+from mpe_core.paper.algorithm1 import SOFTENING, run_algorithm1
 from mpe_core.paper.force_field import ExactField
+from mpe_core.refine.minimum import Minimum
 
 Array = NDArray[np.float64]
 
 
-def sparse_mpe(
+def search_sparse(
     source: Array,
     target: Array,
     sample_size: int,
@@ -23,13 +24,24 @@ def sparse_mpe(
     report: Callable[[float], None],
     source_weights: Array | None = None,
     target_weights: Array | None = None,
-) -> Descent:
-    """Coarse pose of the centred, scaled clouds (N, 3), (M, 3) from sample_size points of each.
+) -> Minimum:
+    """Find a coarse pose of centered, scaled clouds from a sample of each.
 
-    Weights (N,), (M,) say how often a point is drawn, and all that are drawn pull alike: the few
-    points of the sample are spent where they count.
+    Parameters
+    ----------
+    source, target
+        (N, 3) and (M, 3) clouds.
+    sample_size
+        Points of each sample.
+    max_iterations, report
+        As in `run_algorithm1`.
+    seed
+        Seed of the samples.
+    source_weights, target_weights
+        (N,) and (M,) weights: how often a point is drawn. All drawn points attract alike, so the
+        sample is spent where the weight is.
     """
     rng = np.random.default_rng(seed)
-    x = random_rows(source, sample_size, rng, source_weights)
-    y = random_rows(target, sample_size, rng, target_weights)
-    return descend(x, ExactField(y, EPS), max_iterations, report)
+    x = sample_points(source, sample_size, rng, source_weights)
+    y = sample_points(target, sample_size, rng, target_weights)
+    return run_algorithm1(x, ExactField(y, SOFTENING), max_iterations, report)

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import Points
-from mpe_core.geometry.rigid import apply
-from mpe_core.kernels.energy_descent import move
+from mpe_core.geometry.rigid import apply, cross_matrix
 from mpe_core.kernels.potential_moments import potential_moments
+from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.refine.minimum import Minimum
 from mpe_core.refine.point_to_plane import STILL
 
@@ -75,11 +75,9 @@ class PotentialExpansion:
         xx, xy, xz, yy, yz, zz = m[:, 5:].T
         own = -8 * np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         own[[0, 1, 2], [0, 1, 2]] += 2 * m[:, 1]
-        zero = np.zeros(len(arm))
-        a, b, c = arm.T
         # columns of d p / d (w, v): -[arm]x and the identity
         J = np.zeros((3, 6, len(arm)))
-        J[:, :3] = np.array([[zero, c, -b], [-c, zero, a], [b, -a, zero]])
+        J[:, :3] = np.moveaxis(cross_matrix(-arm), 0, -1)
         J[[0, 1, 2], [3, 4, 5]] = 1
         H = np.einsum("ian,ijn,jbn->ab", J, own, J, optimize=["einsum_path", (0, 1), (0, 1)])
         turn = np.einsum("ni,nj->ij", pull, arm)
@@ -101,6 +99,6 @@ class PotentialExpansion:
         """The pose after a step."""
         T = self.T.copy()
         T[:3, 3] -= self.centre
-        move(T, step)
+        update_pose(T, step)
         T[:3, 3] += self.centre
         return T

@@ -11,8 +11,8 @@ from mpe_core.clouds.preprocess import Sample
 from mpe_core.clouds.surface import facing
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply
-from mpe_core.kernels.energy_descent import move
 from mpe_core.kernels.plane_equations import plane_equations
+from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.refine.minimum import Minimum
 
 Pose = NDArray[np.float64]
@@ -86,7 +86,7 @@ class TargetPlanes:
             points = self.cells.points[new]
             planes, seen = self.cells.planes(points), self._viewpoint
             fitted = planes.normals
-            self._feet[new] = planes.feet(points)
+            self._feet[new] = planes.project(points)
             self._normals[new] = fitted if seen is None else facing(points, fitted, seen)
             self._known[new] = True
         return self._feet[rows], self._normals[rows]
@@ -166,7 +166,7 @@ def point_to_plane(
             H += (1e-9 * np.trace(H) + 1e-30) * np.eye(6)
             step = motions @ np.linalg.solve(motions.T @ H @ motions, motions.T @ g)
             T = T.copy()
-            move(T, step)
+            update_pose(T, step)
             converged = bool(np.abs(step).max() < (STILL if cut == target.cut else 20 * STILL))
     return Minimum(T, converged, iterations, is_planar=True, is_smoothed=smooth)
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.surface import Surface
-from mpe_core.geometry.bounds import extent
-from mpe_core.kernels.distance_transform import nearest_index
+from mpe_core.geometry.bounds import measure_extent
+from mpe_core.kernels.distance_transform import nearest_point_index
 
 CELL = 0.03
 """Edge of a lattice cell in radii of the smaller cloud: twice the spacing of the thinned points."""
@@ -34,10 +34,10 @@ class NearestLattice:
 
 def nearest_lattice(surface: Surface) -> NearestLattice:
     """Sample the nearest point of the surface on a lattice around it."""
-    reached = extent(surface.points)
+    reached = measure_extent(surface.points)
     origin = (reached.low - MARGIN).astype(np.float32)
     size = reached.high + MARGIN - origin
     cell = max(CELL, float(np.cbrt(np.prod(size) / MOST_CELLS)))
     shape = np.ceil(size / cell).astype(np.int64) + 1
-    rows: NDArray[np.int32] = nearest_index(surface.points, origin, np.float32(cell), shape)
+    rows: NDArray[np.int32] = nearest_point_index(surface.points, origin, np.float32(cell), shape)
     return NearestLattice(surface, rows, origin, np.float32(cell))

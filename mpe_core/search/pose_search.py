@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.surface import Surface
-from mpe_core.geometry.sampling import even_rows
-from mpe_core.kernels.energy_descent import descend
-from mpe_core.kernels.translation_votes import FACE, best_translations
+from mpe_core.geometry.sampling import sample_spread_rows
+from mpe_core.kernels.energy_descent import descend_poses
+from mpe_core.kernels.translation_votes import BINS_PER_EDGE, best_translations
 from mpe_core.options import ACCEPTANCE_THRESHOLD
 from mpe_core.search.nearest_lattice import NearestLattice
 from mpe_core.search.pose_prior import PosePrior
@@ -165,8 +165,8 @@ def _vote(
     rng: np.random.Generator,
 ) -> Poses:
     """(candidates, 4, 4) poses with the most votes, most first."""
-    x = even_rows(source.points, source.weights, effort.source_points, rng)
-    y = even_rows(target.points, target.weights, effort.target_points, rng)
+    x = sample_spread_rows(source.points, source.weights, effort.source_points, rng)
+    y = sample_spread_rows(target.points, target.weights, effort.target_points, rng)
     points, normals = source.points[x], source.normals[x]
     reach = np.abs(target.points[y]).max(axis=0) + np.linalg.norm(points, axis=1).max()
     cell = np.float32(max(effort.cell, 2 * np.cbrt(np.prod(reach) / MOST_HISTOGRAM_CELLS)))
@@ -179,10 +179,8 @@ def _vote(
     rotations = knowledge.rotations(effort.rotations)
     translations, votes = best_translations(
         rotations.astype(np.float32),
-        points,
-        normals,
-        numbers[np.nonzero(agree)[1]],
-        starts,
+        (points, normals),
+        (numbers[np.nonzero(agree)[1]], starts),
         cell,
         half,
     )
@@ -203,15 +201,17 @@ def _descend(
 ) -> NDArray[np.float32]:
     """Move the poses down the energy in place; their scores."""
     scores, target = np.empty(len(poses), np.float32), field.surface
-    descend(
+    descend_poses(
         poses,
         scores,
         (source.points[rows], source.normals[rows], source.weights[rows]),
         (target.points, target.normals, target.weights),
         (field.rows, field.origin, field.cell),
-        np.float32(max(wave.start, least_eps)),
-        np.float32(max(wave.end, least_eps)),
-        wave.steps,
+        (
+            np.float32(max(wave.start, least_eps)),
+            np.float32(max(wave.end, least_eps)),
+            wave.steps,
+        ),
         np.float32(SLIDE),
         source.oriented and target.oriented,
     )
@@ -234,8 +234,8 @@ def distinct(poses: Poses, scores: NDArray[np.float32], most: int) -> NDArray[np
 
 
 def bin_directions() -> NDArray[np.float32]:
-    """(3 FACE^2, 3) unit directions at the centres of `direction_bin`'s cells, in its order."""
-    centre = (np.arange(FACE) + 0.5) / FACE * 2 - 1
+    """(bins, 3) unit directions at the centres of `direction_bin`'s cells, in its order."""
+    centre = (np.arange(BINS_PER_EDGE) + 0.5) / BINS_PER_EDGE * 2 - 1
     u, v = (g.ravel() for g in np.meshgrid(centre, centre, indexing="ij"))
     face = np.stack([np.ones_like(u), u, v], axis=1)
     directions = np.concatenate([np.roll(face, k, axis=1) for k in range(3)])

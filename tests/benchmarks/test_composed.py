@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 
 pytest.importorskip("matplotlib")
-from benchmarks.composed import LEAST_OVERLAP, composed_pairs, composed_poses, overlap
+from benchmarks.composed import MIN_OVERLAP, composed_pairs, composed_poses, overlap
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.geometry.validation import is_rigid
 from tests.factories.checks import pose_error
@@ -58,7 +58,7 @@ def test_no_listed_pair_nor_its_reverse_is_among_them(listed, composed):
 
 def test_there_are_130_with_the_overlap_of_pairs_json_and_36_below(composed):
     shares = np.array([pair["overlap"] for pair in composed])
-    assert shares.min() >= LEAST_OVERLAP
+    assert shares.min() >= MIN_OVERLAP
     assert ((shares >= 0.28).sum(), (shares < 0.28).sum()) == (130, 36)
     assert all(is_rigid(np.array(pair["T_target_source"])) for pair in composed)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, random_rotation
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from service.formats import read_points
 
 Array = NDArray[np.float64]
@@ -112,6 +112,12 @@ def real_trial(data: Path, pair: Pair, *, largest_deg: float = 180.0, seed: int 
     R = random_rotation(rng) if largest_deg == 180 else axis_rotation(rng.normal(size=3), angle)
     T = motion(source, R, rng)
     return Trial(apply(T, source), target, true_pose(pair) @ inverse(T))
+
+
+def random_rotation(rng: np.random.Generator) -> Array:
+    """Return a (3, 3) rotation drawn evenly from SO(3): a normal quaternion, scaled to length 1."""
+    w, x, y, z = rng.normal(size=4)
+    return Rotation.from_quat([x, y, z, w]).as_matrix()
 
 
 def true_pose(pair: Pair) -> Array:

@@ -6,11 +6,11 @@ import pytest
 from mpe_core import RegistrationOptions, register
 from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
-from mpe_core.geometry.sampling import random_rows
-from mpe_core.paper.algorithm1 import EPS, descend
+from mpe_core.geometry.sampling import sample_points
+from mpe_core.paper.algorithm1 import SOFTENING, run_algorithm1
 from mpe_core.paper.barnes_hut_tree import tree_order
 from mpe_core.paper.force_field import ExactField, TreeField
-from mpe_core.paper.trimmed_icp import LEAST_OVERLAP, trimmed_count, trimmed_icp
+from mpe_core.paper.trimmed_icp import MIN_OVERLAP, trimmed_count, trimmed_icp
 from tests.factories.checks import assert_pose_close, pose_error
 from tests.factories.clouds import Trial, bunny, with_passer
 
@@ -95,7 +95,7 @@ def test_the_unit_of_the_weights_does_not_matter(data, options):
 def fallen(x, y, field, K=None, masses=None):
     order = tree_order(x)
     x, K = x[order], None if K is None else K[order]
-    return descend(x, field(y, EPS, masses), 100, lambda fraction: None, K).T_target_source
+    return run_algorithm1(x, field(y, SOFTENING, masses), 100, lambda fraction: None, K).T
 
 
 @pytest.mark.parametrize("field", [ExactField, TreeField])
@@ -131,12 +131,12 @@ def test_a_sample_has_each_point_as_often_as_it_weighs():
     points, weights = np.arange(30.0).reshape(10, 3), np.arange(10.0) + 1
     rng = np.random.default_rng(0)
     for count in (5, 11, 550):
-        drawn = random_rows(points, count, rng, weights)
+        drawn = sample_points(points, count, rng, weights)
         assert len(drawn) == count
         often = np.bincount((drawn[:, 0] / 3).astype(np.int64), minlength=10)
         expected = count * weights / weights.sum()
         assert (np.abs(often - expected) < 1 + 1e-9).all()
-    chosen = [random_rows(points, 1, rng, weights)[0, 0] / 3 for _ in range(5500)]
+    chosen = [sample_points(points, 1, rng, weights)[0, 0] / 3 for _ in range(5500)]
     assert np.std(np.bincount(np.array(chosen, np.int64)) / 5500 - weights / 55) < 0.01
 
 
@@ -152,7 +152,7 @@ def test_trimming_by_weight_is_trimming_of_copies(seed, overlap):
         objective = {
             k: np.average(distance[:k] ** 2, weights=copies[:k]) / share[k - 1] ** 3
             for k in range(3, 51)
-            if share[k - 1] > LEAST_OVERLAP or share[k] > LEAST_OVERLAP
+            if share[k - 1] > MIN_OVERLAP or share[k] > MIN_OVERLAP
         }
         assert kept == min(objective, key=objective.get)
     else:
@@ -164,7 +164,7 @@ def test_trimming_by_weight_is_trimming_of_copies(seed, overlap):
 def icp(source, target, overlap=None, K=None, masses=None):
     return trimmed_icp(
         source, NearestNeighbors(target), np.eye(4), overlap, 100, lambda fraction: None, K, masses
-    ).T_target_source
+    ).T
 
 
 def test_trimmed_icp_takes_a_source_point_of_weight_two_for_two(data):

@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.geometry.cell_list import LARGE, CellList, bucket_order, grid, voxel_downsample
+from mpe_core.geometry.cell_list import (
+    MIN_BUCKETED_POINTS,
+    CellList,
+    bucket_order,
+    fit_grid,
+    voxel_downsample,
+)
 from tests.factories.clouds import bunny
 
 REACH = 0.1
@@ -45,9 +51,9 @@ def test_planes_are_those_of_numpy(cloud, queries):
         if len(rows) < 8 or planes.counts[row] != len(rows):
             continue
         values, axes = np.linalg.eigh(np.cov(cloud[rows].astype(np.float64).T, bias=True))
-        assert planes.thickness[row] == pytest.approx(np.sqrt(values[0]), abs=2e-4)
-        assert planes.variation[row] == pytest.approx(values[0] / values.sum(), abs=2e-3)
-        foot = planes.feet(queries)[row] - cloud[rows].mean(axis=0)
+        assert planes.plane_std[row] == pytest.approx(np.sqrt(values[0]), abs=2e-4)
+        assert planes.surface_variation[row] == pytest.approx(values[0] / values.sum(), abs=2e-3)
+        foot = planes.project(queries)[row] - cloud[rows].mean(axis=0)
         assert abs(foot @ planes.normals[row]) < 2e-5, "the plane runs through the mean"
         if values[1] > 3 * values[0]:
             assert abs(planes.normals[row] @ axes[:, 0]) > 0.999
@@ -58,13 +64,13 @@ def test_planes_are_those_of_numpy(cloud, queries):
 def large(cloud):
     """So many points that they are laid bucket by bucket."""
     rng = np.random.default_rng(2)
-    rows = rng.permutation(np.arange(LARGE + 1) % len(cloud))
+    rows = rng.permutation(np.arange(MIN_BUCKETED_POINTS + 1) % len(cloud))
     return (cloud[rows] + rng.normal(size=(len(rows), 3), scale=0.02)).astype(np.float32)
 
 
 def test_buckets_hold_whole_cubes(large):
-    origin, edge = grid(large, 0.02)
-    ordered, rows, bounds = bucket_order(large, origin, edge)
+    origin, edge = fit_grid(large, 0.02)
+    ordered, rows, bounds = bucket_order(large, (origin, edge))
     np.testing.assert_array_equal(ordered, large[rows])
     np.testing.assert_array_equal(np.sort(rows), np.arange(len(large)))
     cube = np.floor((ordered - origin) * (1 / edge)).astype(int)
@@ -80,7 +86,7 @@ def test_the_bits_of_a_large_cloud_do_not_depend_on_threads(large):
         numba.set_num_threads(threads)
         cells = CellList(large, 0.02)
         planes = cells.planes(large)
-        nearest = cells.nearest_given(large[::-1].copy())
+        nearest = cells.nearest_rows(large[::-1].copy())
         bits.add(
             voxel_downsample(large, 0.02).tobytes() + planes.normals.tobytes() + nearest.tobytes()
         )
@@ -90,7 +96,7 @@ def test_the_bits_of_a_large_cloud_do_not_depend_on_threads(large):
 
 def test_nearest_of_a_large_cloud_are_rows_as_given(large):
     queries = large[::-1] + np.float32(0.01)
-    row = CellList(large, REACH).nearest_given(queries)
+    row = CellList(large, REACH).nearest_rows(queries)
     distance, nearest = KDTree(large).query(queries)
     np.testing.assert_array_equal(row >= 0, distance < REACH)
     np.testing.assert_allclose(np.linalg.norm(queries - large[row], axis=1), distance, atol=1e-6)

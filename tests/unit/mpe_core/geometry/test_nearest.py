@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpe_core.geometry.cell_list import LARGE, count_occupied
-from mpe_core.geometry.nearest import PROBE, ROOMY, WIDE_REACH, WIDER, nearest_rows
+from mpe_core.geometry.cell_list import MIN_BUCKETED_POINTS, count_occupied
+from mpe_core.geometry.nearest import (
+    DENSITY_CELL_EDGE,
+    MIN_TREE_REACH,
+    MIN_TWO_PASS_RATIO,
+    POINTS_PER_CELL,
+    nearest_rows,
+)
 from tests.factories.clouds import bunny
 
 
@@ -23,8 +29,9 @@ def dense(cloud):
 
 
 @pytest.fixture(scope="module")
-def roomy(dense):
-    return PROBE * np.sqrt(ROOMY * count_occupied(dense.astype(np.float32), PROBE) / len(dense))
+def dense_edge(dense):
+    cells = count_occupied(dense.astype(np.float32), DENSITY_CELL_EDGE)
+    return DENSITY_CELL_EDGE * np.sqrt(POINTS_PER_CELL * cells / len(dense))
 
 
 def assert_nearest(queries, cloud, reach):
@@ -48,18 +55,18 @@ def around(cloud, count):
     return cloud[rows] + spread * rng.normal(size=(count, 3))
 
 
-@pytest.mark.parametrize("reach", [0.002, 0.02, 0.09, 2 * WIDE_REACH])
+@pytest.mark.parametrize("reach", [0.002, 0.02, 0.09, 2 * MIN_TREE_REACH])
 def test_nearest_rows_of_a_scan(cloud, reach):
     assert_nearest(around(cloud, 5000), cloud, reach)
 
 
-@pytest.mark.parametrize("share", [0.2, 1.2, 1.1 * WIDER])
-def test_nearest_rows_of_a_dense_cloud(dense, roomy, share):
-    assert_nearest(around(dense, 5000), dense, share * roomy)
+@pytest.mark.parametrize("share", [0.2, 1.2, 1.1 * MIN_TWO_PASS_RATIO])
+def test_nearest_rows_of_a_dense_cloud(dense, dense_edge, share):
+    assert_nearest(around(dense, 5000), dense, share * dense_edge)
 
 
-def test_many_queries_asked_cube_by_cube_come_back_in_their_order(dense, roomy):
-    assert_nearest(around(dense, LARGE), dense, 2 * roomy)
+def test_many_queries_asked_cube_by_cube_come_back_in_their_order(dense, dense_edge):
+    assert_nearest(around(dense, MIN_BUCKETED_POINTS), dense, 2 * dense_edge)
 
 
 def test_nothing_within_reach(cloud):

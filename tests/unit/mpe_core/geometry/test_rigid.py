@@ -9,9 +9,9 @@ from mpe_core.geometry.rigid import (
     fit,
     inverse,
     pose,
-    random_rotation,
     rotation_error,
 )
+from tests.factories.clouds import random_rotation
 
 AXIS = np.array([1.0, -2.0, 0.5])
 

@@ -6,7 +6,7 @@ import pytest
 
 from mpe_core.assess.energy import p2_energy
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
-from mpe_core.paper.force_field import ExactField, traction
+from mpe_core.paper.force_field import ExactField, torque_and_gravity
 
 
 def force_twin(x, y, eps, masses):
@@ -75,13 +75,13 @@ def test_torque_and_gravity_are_equations_8_and_9():
         v = (p - centre) / np.linalg.norm(p - centre)
         T += np.cross(v, f - (f @ v) * v)
         S += (f @ v) * v
-    torque, gravity = traction(points, centre, force)
+    torque, gravity = torque_and_gravity(points, centre, force)
     np.testing.assert_allclose(torque, T, atol=1e-12)
     np.testing.assert_allclose(gravity, S, atol=1e-12)
 
 
 def test_a_point_at_the_centre_neither_turns_nor_moves():
-    torque, gravity = traction(np.zeros((1, 3)), np.zeros(3), np.ones((1, 3)))
+    torque, gravity = torque_and_gravity(np.zeros((1, 3)), np.zeros(3), np.ones((1, 3)))
     assert not torque.any()
     assert not gravity.any()
 

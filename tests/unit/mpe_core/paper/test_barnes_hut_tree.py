@@ -26,14 +26,14 @@ def test_force_is_the_double_sum(counts, eps):
     x, y = knot(counts[0], rng) + 0.1, knot(counts[1], rng)
     # a third-order term of the series: (radius / distance)^3 = 0.008, with signs that cancel
     assert off(TreeField(y, eps).force(x), ExactField(y, eps).force(x)) < 2e-4
-    masses = rng.lognormal(0, 2, counts[1])  # a few weigh most
-    exact = ExactField(y, eps, masses).force(x)
-    assert off(TreeField(y, eps, masses).force(x), exact) < 2e-4
+    weights = rng.lognormal(0, 2, counts[1])  # a few weigh most
+    exact = ExactField(y, eps, weights).force(x)
+    assert off(TreeField(y, eps, weights).force(x), exact) < 2e-4
     assert off(TreeField(y, eps).force(x), exact) > 0.01 or counts[1] == 1
 
 
 def test_without_cells_afar_it_is_the_exact_sum(monkeypatch):
-    monkeypatch.setattr("mpe_core.paper.force_field.OPENING", np.float32(0))
+    monkeypatch.setattr("mpe_core.paper.force_field.OPENING_RATIO", np.float32(0))
     rng = np.random.default_rng(1)
     x, y = knot(500, rng) + 0.1, knot(3000, rng)
     assert off(TreeField(y, 0.05).force(x), ExactField(y, 0.05).force(x)) < 1e-6
@@ -44,7 +44,7 @@ def test_the_second_moments_earn_their_place(monkeypatch):
     x, y = knot(200, rng) + 0.1, knot(20_000, rng)
     exact, field = ExactField(y, 0.05).force(x), TreeField(y, 0.05)
     with_them = off(field.force(x), exact)
-    field._tree.cells[:, 4:10] = 0
+    field._tree[3][:, 4:10] = 0
     assert off(field.force(x), exact) > 10 * with_them
 
 
@@ -92,20 +92,20 @@ def test_the_bits_do_not_depend_on_the_threads():
 @pytest.mark.parametrize("count", [1, 32, 33, 1000])
 def test_cells_are_what_they_stand_for(count):
     rng = np.random.default_rng(8)
-    cloud, masses = knot(count, rng), rng.lognormal(0, 2, count)
-    tree = build_tree(cloud, masses)
+    cloud, weights = knot(count, rng), rng.lognormal(0, 2, count)
+    tree = build_tree(cloud, weights)
     leaves = len(tree.starts) - 1
     assert np.diff(tree.starts).max() <= GROUP
     assert len(tree.cells) == 2 * leaves - 1
-    kept = np.vstack([tree.points, tree.masses]).T
-    rows = np.column_stack([cloud, masses]).astype(np.float32)
+    kept = np.vstack([tree.points, tree.weights]).T
+    rows = np.column_stack([cloud, weights]).astype(np.float32)
     np.testing.assert_array_equal(sorted(kept.tolist()), sorted(rows.tolist()))
     for cell, start, end in (
         (0, 0, count),
         *((leaves - 1 + k, tree.starts[k], tree.starts[k + 1]) for k in range(leaves)),
     ):
         points, mass = (
-            rows[..., start:end].astype(np.float64) for rows in (tree.points, tree.masses)
+            rows[..., start:end].astype(np.float64) for rows in (tree.points, tree.weights)
         )
         centre = np.average(points, axis=1, weights=mass)
         arm = points - centre[:, None]

@@ -10,8 +10,8 @@ from mpe_core.clouds.preprocess import scan
 from mpe_core.clouds.surface import surface
 from mpe_core.geometry.rigid import apply, pose, rotation_error
 from mpe_core.geometry.rotations import even_rotations
-from mpe_core.geometry.sampling import weighted_rows
-from mpe_core.kernels.energy_descent import descend
+from mpe_core.geometry.sampling import sample_weighted_rows
+from mpe_core.kernels.energy_descent import descend_poses
 from mpe_core.kernels.farthest_point import farthest_order
 from mpe_core.kernels.translation_votes import best_translations, direction_bin
 from mpe_core.search.nearest_lattice import nearest_lattice
@@ -51,7 +51,7 @@ def test_farthest_order_is_the_textbook_loop():
 def test_weighted_rows_follow_the_weights_and_skip_zero():
     weights = np.array([0.0, 1, 2, 4])
     rng = np.random.default_rng(4)
-    first = np.array([weighted_rows(weights, 3, rng)[0] for _ in range(7000)])
+    first = np.array([sample_weighted_rows(weights, 3, rng)[0] for _ in range(7000)])
     share = np.bincount(first, minlength=4) / len(first)
     np.testing.assert_allclose(share, weights / weights.sum(), atol=0.02)  # 3 sigma
 
@@ -76,7 +76,7 @@ def test_votes_are_the_histogram_of_all_differences():
     rotations = even_rotations(12).astype(np.float32)
     normals = np.tile(np.float32([0, 0, 1]), (len(source), 1))
     translations, votes = best_translations(
-        rotations, source, normals, lists, everywhere, cell, half
+        rotations, (source, normals), (lists, everywhere), cell, half
     )
     for R, t, most in zip(rotations, translations, votes, strict=True):
         turned = np.floor(source @ R.T / cell).astype(int)
@@ -113,10 +113,10 @@ def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
     rows = rng.permutation(len(model.points))[:800]
     x, n, w = model.points[rows], model.normals[rows], model.weights[rows]
     eps, poses, scores = 0.03, starts.copy(), np.empty(40, np.float32)
-    descend(
+    descend_poses(
         poses, scores, (x, n, w), (model.points, model.normals, model.weights),
         (field.rows, field.origin, field.cell),
-        np.float32(0.15), np.float32(eps), 12, np.float32(0.02), False,
+        (np.float32(0.15), np.float32(eps), 12), np.float32(0.02), False,
     )  # fmt: skip
     assert min(rotation_error(T, np.eye(4)) for T in starts) > 8
     assert np.median([rotation_error(T, np.eye(4)) for T in poses]) < 0.2
