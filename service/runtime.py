@@ -104,6 +104,13 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
         database = stack.enter_context(closing(open_database(settings.store_url)))
         tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
         telemetry = stack.enter_context(closing(Telemetry(metrics, tracing)))
+        clouds = CloudStore(database, blobs, retention_s=settings.cloud_retention_s)
+        uploads = UploadStore(
+            database,
+            clouds,
+            settings.data_dir / "uploads",
+            retention_s=settings.upload_retention_s,
+        )
         notifier = JobNotifier()
         jobs = JobQueries(database)
         metrics.watch(jobs)
@@ -113,7 +120,6 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             retention=Retention(settings.result_retention_s, settings.job_retention_s),
             listeners=(telemetry, notifier),
         )
-        clouds = CloudStore(database, blobs, retention_s=settings.cloud_retention_s)
         runtime = Runtime(
             settings=settings,
             database=database,
@@ -124,12 +130,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             workers=WorkerPool(transitions, blobs, settings),
             exporter=Exporter(settings),
             clouds=clouds,
-            uploads=UploadStore(
-                database,
-                clouds,
-                settings.data_dir / "uploads",
-                retention_s=settings.upload_retention_s,
-            ),
+            uploads=uploads,
             outbox=Outbox(database),
             telemetry=telemetry,
             authenticator=Authenticator(KeyStore(database), settings),

@@ -19,7 +19,7 @@ from service.cli.align_arguments import (
 )
 from service.cli.key_arguments import add_keys
 from service.clouds.inputs import CLOUD_ROLES
-from service.clouds.transform import moved
+from service.clouds.transform import transform_cloud
 from service.formats import (
     WRITERS,
     CloudFileError,
@@ -80,7 +80,7 @@ def _align(given: argparse.Namespace) -> int:
             target_weights=target.weights,
         )
         if given.output:
-            cloud = moved(source, found.T_target_source)
+            cloud = transform_cloud(source, found.T_target_source)
             write_cloud(given.output, ending, cloud.points, cloud.attributes)
     except (RegistrationError, CloudFileError) as error:
         return _complain(str(error), FAILED)

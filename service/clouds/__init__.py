@@ -1,0 +1,1 @@
+"""Clouds that callers have sent: stored clouds, resumable uploads, references from a job."""

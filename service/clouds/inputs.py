@@ -1,4 +1,4 @@
-"""How a registration refers to a cloud."""
+"""Reference from a job to a cloud."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ CLOUD_ROLES = ("source", "target")
 
 @dataclass(frozen=True, slots=True)
 class CloudInput:
-    """A cloud as the caller gave it: a stored blob, or a URL until it has been fetched."""
+    """A cloud of a job: a stored blob, or a URL until it has been fetched."""
 
     sha256: str | None = None
+    """Hash of the blob; None before the URL has been fetched."""
     size: int | None = None
-    """Length in bytes."""
+    """Length of the blob in bytes."""
     url: str | None = None
     cloud: str | None = None
     """Id of the stored cloud that the caller named."""
     reading: dict[str, Any] = field(default_factory=dict)
-    """How to read the file, where its content does not tell: arguments of read_points."""
+    """Arguments of `service.formats.read_points` that the caller chose."""

@@ -1,4 +1,4 @@
-"""Clouds that are stored once and referred to by many registrations."""
+"""Clouds that are stored once and referred to by many jobs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from service.storage.blobs import Blob, BlobStore
 
 @dataclass(frozen=True, slots=True)
 class StoredCloud:
-    """A cloud; times in seconds since the epoch, UTC."""
+    """A row of the clouds table; times in seconds since the epoch, UTC."""
 
     tenant: str
     id: str
@@ -28,14 +28,15 @@ class StoredCloud:
     size: int
     """Length of the file in bytes."""
     format: str
+    """Name of the format, one of `service.formats.FORMATS`."""
     declared: bool
-    """Whether the caller named the format; else the content did."""
+    """Whether the caller named the format; otherwise the content shows it."""
     created_at: float
     expires_at: float
 
 
 class CloudStore:
-    """Clouds in the database; a cloud that is not used for `retention_s` is dropped."""
+    """Stored clouds of all tenants; one that is not used for `retention_s` seconds expires."""
 
     def __init__(self, database: Database, blobs: BlobStore, *, retention_s: float) -> None:
         self._database = database
@@ -45,9 +46,19 @@ class CloudStore:
     def put(
         self, tenant: str, cloud_id: str, blob: Blob, declared: str | None = None
     ) -> StoredCloud:
-        """Store the blob as the tenant's cloud of this id, in place of a former one.
+        """Store a blob as the tenant's cloud of this id, and replace an earlier one.
 
-        `declared` is its format where the content does not tell.
+        Parameters
+        ----------
+        declared
+            Name of the file's format; None: by content.
+
+        Raises
+        ------
+        InvalidRequestError
+            The file is empty.
+        UnknownFormatError
+            The content matches no format.
         """
         now = time.time()
         cloud = StoredCloud(
@@ -61,54 +72,83 @@ class CloudStore:
             expires_at=now + self._retention_s,
         )
         with self._database.write(exclusive=True) as connection:
-            connection.execute(delete(clouds).where(_named(tenant, cloud_id)))
+            connection.execute(delete(clouds).where(_is(tenant, cloud_id)))
             connection.execute(insert(clouds).values(**asdict(cloud)))
         return cloud
 
     def adopt(
         self, tenant: str, cloud_id: str, path: Path, declared: str | None = None
     ) -> StoredCloud:
-        """Store a finished file as `put` does; the file is moved away."""
+        """Move a finished file into the store and `put` it."""
         return self.put(tenant, cloud_id, self._blobs.adopt(path), declared)
 
     def get(self, tenant: str, cloud_id: str) -> StoredCloud:
-        """The tenant's cloud; UnknownCloudError when there is none."""
-        query = select(clouds).where(_named(tenant, cloud_id))
+        """Return the tenant's cloud.
+
+        Raises
+        ------
+        UnknownCloudError
+            There is none of this id.
+        """
+        query = select(clouds).where(_is(tenant, cloud_id))
         with self._database.read() as connection:
-            return _known(connection.execute(query).one_or_none())
+            row = connection.execute(query).one_or_none()
+        if row is None:
+            raise _unknown()
+        return _from_row(row)
 
     def use(self, tenant: str, cloud_id: str) -> CloudInput:
-        """The cloud as the input of a job, and one more period to live."""
+        """Return the tenant's cloud as an input of a job, and postpone its expiry.
+
+        Raises
+        ------
+        UnknownCloudError
+            There is none of this id.
+        """
         expires_at = time.time() + self._retention_s
-        used = update(clouds).where(_named(tenant, cloud_id)).values(expires_at=expires_at)
+        postpone = update(clouds).where(_is(tenant, cloud_id)).values(expires_at=expires_at)
         with self._database.write() as connection:
-            cloud = _known(connection.execute(used.returning(clouds)).one_or_none())
+            row = connection.execute(postpone.returning(clouds)).one_or_none()
+        if row is None:
+            raise _unknown()
+        cloud = _from_row(row)
         self._blobs.touch(cloud.sha256)
         reading = {"format": cloud.format} if cloud.declared else {}
         return CloudInput(cloud.sha256, cloud.size, cloud=cloud.id, reading=reading)
 
     def page(self, tenant: str, *, limit: int, before: Place | None) -> list[StoredCloud]:
-        """Up to `limit` clouds, newest first, from the place where the page before ended."""
+        """Return up to `limit` clouds, newest first, after the place where the last page ended."""
         query = select_page(clouds, before=before, limit=limit).where(clouds.c.tenant == tenant)
         with self._database.read() as connection:
-            return [_known(row) for row in connection.execute(query)]
+            return [_from_row(row) for row in connection.execute(query)]
 
     def remove(self, tenant: str, cloud_id: str) -> None:
-        """Forget the tenant's cloud; UnknownCloudError when there is none."""
+        """Delete the tenant's cloud; jobs that refer to it keep its blob.
+
+        Raises
+        ------
+        UnknownCloudError
+            There is none of this id.
+        """
         with self._database.write() as connection:
-            if connection.execute(delete(clouds).where(_named(tenant, cloud_id))).rowcount == 0:
-                _known(None)
+            if connection.execute(delete(clouds).where(_is(tenant, cloud_id))).rowcount == 0:
+                raise _unknown()
 
 
 def detect_format(role: str, blob: Blob, blobs: BlobStore, declared: str | None = None) -> str:
-    """Name of the format that is declared or that the file begins like; nothing is decoded here.
+    """Return the declared format, or that of the file's first bytes; nothing is decoded.
+
+    Parameters
+    ----------
+    role
+        Which cloud this is, for the text of errors: "source", "target" or "cloud".
 
     Raises
     ------
     InvalidRequestError
         The file is empty.
     UnknownFormatError
-        It begins like none of the formats.
+        The content matches no format.
     """
     if blob.size == 0:
         raise InvalidRequestError(f"{role}: the file is empty.")
@@ -120,11 +160,13 @@ def detect_format(role: str, blob: Blob, blobs: BlobStore, declared: str | None 
         raise UnknownFormatError(f"{role}: {error}") from None
 
 
-def _named(tenant: str, cloud_id: str) -> ColumnElement[bool]:
+def _is(tenant: str, cloud_id: str) -> ColumnElement[bool]:
     return and_(clouds.c.tenant == tenant, clouds.c.id == cloud_id)
 
 
-def _known(row: Row[Any] | None) -> StoredCloud:
-    if row is None:
-        raise UnknownCloudError("No cloud has this id; it may have expired.")
+def _from_row(row: Row[Any]) -> StoredCloud:
     return StoredCloud(**row._mapping)
+
+
+def _unknown() -> UnknownCloudError:
+    return UnknownCloudError("No cloud has this id; it may have expired.")

@@ -1,4 +1,4 @@
-"""Uploads that arrive in pieces and go on after a cut connection."""
+"""Uploads that arrive in pieces and go on after a broken connection; then they become clouds."""
 
 from __future__ import annotations
 
@@ -21,21 +21,24 @@ from service.problems import ServiceError, UnknownUploadError, UploadConflictErr
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """An upload; times in seconds since the epoch, UTC."""
+    """A row of the uploads table; times in seconds since the epoch, UTC."""
 
     id: str
     tenant: str
     length: int
     """Bytes of the whole file."""
     is_complete: bool
-    """Whether it has become a cloud."""
+    """Whether it has become the cloud of the same id."""
     expires_at: float
     format: str | None
     """As declared by the caller."""
 
 
 class UploadStore:
-    """Uploads in the database, their bytes in files; one that lies still is dropped."""
+    """Uploads of all tenants: rows in the database, and a file for each incomplete one.
+
+    An upload that receives nothing for `retention_s` seconds expires.
+    """
 
     def __init__(
         self, database: Database, clouds: CloudStore, directory: Path, *, retention_s: float
@@ -47,16 +50,22 @@ class UploadStore:
         directory.mkdir(exist_ok=True)
 
     def create(self, tenant: str, length: int, declared: str | None = None) -> Upload:
-        """Begin a tenant's upload of this many bytes."""
+        """Begin an upload of `length` bytes, in the declared format or one of its content."""
         expires_at = time.time() + self._retention_s
         upload = Upload(str(uuid4()), tenant, length, False, expires_at, declared)
-        self.path(upload).touch()
+        self._path(upload).touch()
         with self._database.write() as connection:
             connection.execute(insert(uploads).values(**asdict(upload)))
         return upload
 
     def get(self, tenant: str, upload_id: str) -> Upload:
-        """The tenant's upload; UnknownUploadError when there is none."""
+        """Return the tenant's upload.
+
+        Raises
+        ------
+        UnknownUploadError
+            There is none of this id.
+        """
         with self._database.read() as connection:
             query = select(uploads).where(uploads.c.id == upload_id, uploads.c.tenant == tenant)
             row = connection.execute(query).one_or_none()
@@ -64,82 +73,96 @@ class UploadStore:
             raise _unknown()
         return Upload(**row._mapping)
 
-    def path(self, upload: Upload) -> Path:
-        """Where its bytes are kept until it is complete."""
-        return self._directory / upload.id
-
     def offset(self, upload: Upload) -> int:
-        """Bytes that have arrived; UnknownUploadError when it has expired meanwhile."""
+        """Return the number of bytes received so far.
+
+        Raises
+        ------
+        UnknownUploadError
+            The upload has expired meanwhile.
+        """
         try:
-            return upload.length if upload.is_complete else self.path(upload).stat().st_size
+            return upload.length if upload.is_complete else self._path(upload).stat().st_size
         except FileNotFoundError as error:
             raise _unknown() from error
 
     @contextmanager
-    def appending(self, upload: Upload, offset: int) -> Iterator[BinaryIO]:
-        """The file, to append to from the offset; locked meanwhile, in whatever process.
+    def open_at(self, upload: Upload, offset: int) -> Iterator[BinaryIO]:
+        """Open the file to append from the offset; locked meanwhile, for all processes.
 
-        UploadConflictError when the upload is elsewhere, or another request appends to it;
-        UnknownUploadError when it has expired meanwhile.
+        Raises
+        ------
+        UploadConflictError
+            The offset is not that of the upload, or another request appends to it.
+        UnknownUploadError
+            The upload has expired meanwhile.
         """
         if upload.is_complete:
-            raise _elsewhere(upload.length)
-        with self._opened(upload) as file:
-            if not _lock(file):
-                raise UploadConflictError("Another request appends to this upload.")
+            raise _wrong_offset(upload.length)
+        with self._open(upload) as file:
+            if not _try_lock(file):
+                raise UploadConflictError("Another request appends to this upload; retry later.")
             if offset != self.offset(upload):
-                raise _elsewhere(self.offset(upload))
+                raise _wrong_offset(self.offset(upload))
             file.seek(offset)
             yield file
 
-    def _opened(self, upload: Upload) -> BinaryIO:
-        """Its file, which is never made anew: nothing would remove it."""
-        try:
-            return self.path(upload).open("r+b")
-        except FileNotFoundError as error:
-            raise _unknown() from error
-
     def finish_piece(self, upload: Upload) -> Upload:
-        """Finish a piece: turn an upload that is complete into the cloud of the same id.
+        """Postpone the expiry of an upload after a piece, and complete it after the last one.
 
-        It gets one more retention period either way. An upload that is not a cloud is removed, and
-        the error of `CloudStore.put` raised.
+        A complete upload becomes the tenant's cloud of the same id; one that is no cloud is
+        removed. Called while `open_at` holds the file.
+
+        Raises
+        ------
+        UnknownFormatError
+            The content matches no format.
         """
         is_complete = self.offset(upload) == upload.length
         if is_complete:
             try:
-                self._clouds.adopt(upload.tenant, upload.id, self.path(upload), upload.format)
+                self._clouds.adopt(upload.tenant, upload.id, self._path(upload), upload.format)
             except (ServiceError, ValueError):
                 self.remove(upload)
                 raise
         values = {"is_complete": is_complete, "expires_at": time.time() + self._retention_s}
-        change = update(uploads).where(uploads.c.id == upload.id).values(**values)
         with self._database.write() as connection:
-            connection.execute(change)
+            connection.execute(update(uploads).where(uploads.c.id == upload.id).values(**values))
         return self.get(upload.tenant, upload.id)
 
     def remove(self, upload: Upload) -> None:
-        """Forget it, and drop its bytes."""
+        """Delete the upload and what has been received; a cloud that it has become stays."""
         with self._database.write() as connection:
             connection.execute(delete(uploads).where(uploads.c.id == upload.id))
-        self.path(upload).unlink(missing_ok=True)
+        self._path(upload).unlink(missing_ok=True)
 
     def drop_expired(self) -> None:
-        """Remove the uploads whose time has come."""
-        late = select(uploads).where(uploads.c.expires_at < time.time())
+        """Remove the expired uploads, except those that receive a piece at this moment."""
+        is_expired = uploads.c.expires_at < time.time()
         with self._database.read() as connection:
-            expired = [Upload(**row._mapping) for row in connection.execute(late)]
+            rows = connection.execute(select(uploads).where(is_expired))
+            expired = [Upload(**row._mapping) for row in rows]
         for upload in expired:
             if upload.is_complete:
                 self.remove(upload)
                 continue
-            with self.path(upload).open("ab") as file:
-                if _lock(file):
+            with self._path(upload).open("ab") as file:
+                if _try_lock(file):
                     self.remove(upload)
 
+    def _path(self, upload: Upload) -> Path:
+        return self._directory / upload.id
 
-def _lock(file: BinaryIO) -> bool:
-    """Whether nobody else held the file; it is held until it is closed."""
+    def _open(self, upload: Upload) -> BinaryIO:
+        """Open the upload's file, which is never made anew: nothing would remove it."""
+        try:
+            return self._path(upload).open("r+b")
+        except FileNotFoundError as error:
+            raise _unknown() from error
+
+
+def _try_lock(file: BinaryIO) -> bool:
+    """Lock the file until it is closed; return False when somebody else holds it."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -151,7 +174,7 @@ def _unknown() -> UnknownUploadError:
     return UnknownUploadError("No upload has this id; it may have expired.")
 
 
-def _elsewhere(offset: int) -> UploadConflictError:
+def _wrong_offset(expected: int) -> UploadConflictError:
     return UploadConflictError(
-        f"Upload-Offset must be {offset}, the number of bytes received so far."
+        f"Upload-Offset must be {expected}, the number of bytes received so far."
     )

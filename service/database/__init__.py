@@ -1,0 +1,1 @@
+"""The database: access, tables, migrations and pagination, for SQLite and for PostgreSQL."""

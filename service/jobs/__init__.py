@@ -1,0 +1,1 @@
+"""Registrations as data: rows, the transitions between their states, queries, retention."""

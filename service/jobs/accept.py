@@ -1,4 +1,4 @@
-"""Acceptance of a job: is it a replay, is its result known, is there room in the queue?"""
+"""Acceptance of a job: a replay, a job whose result is known, or one for the queue."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from service.clouds.inputs import CloudInput
-from service.clouds.transform import merged, moved
+from service.clouds.transform import merge_clouds, transform_cloud
 from service.formats import DecodedCloud, read_points, write_cloud
 from service.storage.blobs import BlobStore
 from service.workers.messages import Exported
@@ -41,9 +41,9 @@ class ExportAligned(Task):
         CloudFileError
             A file cannot be read with its attributes.
         """
-        cloud = moved(self._decode(self.source), np.array(self.transform))
+        cloud = transform_cloud(self._decode(self.source), np.array(self.transform))
         if self.target is not None:
-            cloud = merged(cloud, self._decode(self.target))
+            cloud = merge_clouds(cloud, self._decode(self.target))
         write_cloud(self.output, self.format, cloud.points, cloud.attributes)
         return Exported()
 

@@ -133,9 +133,9 @@ async def append(
     if request.headers.get("content-type") != PIECE_TYPE:
         raise UnsupportedContentTypeError(f"Send a piece as {PIECE_TYPE}.")
     upload = await run_in_threadpool(runtime.uploads.get, caller.tenant, upload_id)
-    with runtime.uploads.appending(upload, upload_offset) as file:
+    with runtime.uploads.open_at(upload, upload_offset) as file:
         await _write_body(request, file, max_bytes=upload.length - upload_offset)
-    upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
+        upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
     return _tus_response(204, _state(upload, runtime))
 
 

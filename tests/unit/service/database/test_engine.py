@@ -1,107 +1,78 @@
-"""Clouds, uploads, keys and what they take up, on each database."""
+"""Transactions on each database."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from sqlalchemy import insert, select, update
 
-from service.auth.keys import KeyStore, Limits, split_key
-from service.clouds.store import CloudStore
-from service.clouds.uploads import UploadStore
 from service.database.engine import Database
 from service.database.sqlite import SqliteDatabase
+from service.database.tables import api_keys
 from service.jobs.queries import JobFilter, JobQueries
-from service.jobs.retention import drop_expired, find_needed_blobs
-from service.jobs.usage import count_stored_bytes
-from service.problems import InvalidRequestError, UnknownCloudError, UnknownUploadError
-from service.storage.blobs import BlobStore
+from service.problems import InvalidRequestError
 
-XYZ = b"0 0 0\n1 0 0\n0 1 0\n"
+KEY = {"id": "k", "tenant": "lab", "name": "0", "secret_sha256": "s", "created_at": 1.0}
+"""A row with a text that the tests count up."""
 
 
-def test_a_cloud_is_its_tenants_own(database: Database, tmp_path: Path) -> None:
-    blobs = BlobStore(tmp_path)
-    clouds = CloudStore(database, blobs, retention_s=60)
-    former = clouds.put("lab", "door", blobs.put([XYZ]))
-    cloud = clouds.put("lab", "door", blobs.put([XYZ, XYZ]))
-    assert former.sha256 != cloud.sha256
-    assert clouds.get("lab", "door") == cloud
-    assert clouds.page("lab", limit=9, before=None) == [cloud]
-    used = clouds.use("lab", "door")
-    assert (used.sha256, used.size) == (cloud.sha256, 2 * len(XYZ))
-    assert clouds.get("lab", "door").expires_at > cloud.expires_at
-    assert find_needed_blobs(database) == {cloud.sha256}
-    with pytest.raises(UnknownCloudError):
-        clouds.get("other", "door")
-    clouds.remove("lab", "door")
-    with pytest.raises(UnknownCloudError):
-        clouds.remove("lab", "door")
+def add_row(database: Database) -> None:
+    with database.write() as connection:
+        connection.execute(insert(api_keys).values(**KEY))
 
 
-def test_a_cloud_expires(database: Database, tmp_path: Path) -> None:
-    blobs = BlobStore(tmp_path)
-    CloudStore(database, blobs, retention_s=-1).put("lab", "door", blobs.put([XYZ]))
-    drop_expired(database)
-    assert find_needed_blobs(database) == set()
+def count_up(database: Database) -> None:
+    """Read, then decide: safe only where nobody else writes in between."""
+    with database.write(exclusive=True) as connection:
+        name = connection.scalar(select(api_keys.c.name))
+        time.sleep(0.001)
+        connection.execute(update(api_keys).values(name=str(int(name) + 1)))
 
 
-def upload_store(database: Database, root: Path, retention_s: float) -> UploadStore:
-    clouds = CloudStore(database, BlobStore(root), retention_s=60)
-    return UploadStore(database, clouds, root / "uploads", retention_s=retention_s)
+def name_of(database: Database) -> str | None:
+    with database.read() as connection:
+        name: str | None = connection.scalar(select(api_keys.c.name))
+    return name
 
 
-def test_an_upload_may_be_larger_than_32_bits_count(database: Database, tmp_path: Path) -> None:
-    uploads = upload_store(database, tmp_path, 60)
-    upload = uploads.create("lab", 2**40)
-    assert uploads.get("lab", upload.id) == upload
-    assert count_stored_bytes(database, "lab") == 2**40
-    uploads.remove(upload)
-    with pytest.raises(UnknownUploadError):
-        uploads.get("lab", upload.id)
+def test_exclusive_transactions_run_one_after_the_other(database: Database) -> None:
+    add_row(database)
+    with ThreadPoolExecutor(8) as threads:
+        list(threads.map(lambda _: count_up(database), range(40)))
+    assert name_of(database) == "40"
 
 
-def test_uploads_expire_but_not_under_way(database: Database, tmp_path: Path) -> None:
-    uploads = upload_store(database, tmp_path, -1)
-    upload = uploads.create("lab", 9)
-    with uploads.appending(upload, 0) as file:
-        upload_store(database, tmp_path, -1).drop_expired()
-        file.write(b"x")
-    assert uploads.offset(uploads.get("lab", upload.id)) == 1
-    uploads.drop_expired()
-    assert list((tmp_path / "uploads").iterdir()) == []
+def test_a_transaction_that_fails_changes_nothing(database: Database) -> None:
+    add_row(database)
+
+    def fail_halfway() -> None:
+        with database.write() as connection:
+            connection.execute(update(api_keys).values(name="half"))
+            raise OSError("cut")
+
+    with pytest.raises(OSError, match="cut"):
+        fail_halfway()
+    assert name_of(database) == "0"
 
 
-def test_an_upload_that_expires_under_a_request_is_unknown_and_leaves_nothing(
-    database: Database, tmp_path: Path
-) -> None:
-    uploads = upload_store(database, tmp_path, -1)
-    upload = uploads.create("lab", 9)
-    uploads.drop_expired()
-    with pytest.raises(UnknownUploadError):
-        uploads.offset(upload)
-    with pytest.raises(UnknownUploadError), uploads.appending(upload, 0):
-        pass
-    assert list((tmp_path / "uploads").iterdir()) == []
+@pytest.mark.parametrize("durable", [True, False])
+def test_what_is_committed_can_be_read(database: Database, durable: bool) -> None:
+    add_row(database)
+    with database.write(durable=durable) as connection:
+        connection.execute(update(api_keys).values(name="new"))
+        assert name_of(database) == "0"
+    assert name_of(database) == "new"
 
 
-def test_a_key_is_found_until_it_is_revoked(database: Database) -> None:
-    keys = KeyStore(database)
-    assert not keys.exist()
-    known = split_key(keys.create("lab", "bench", Limits(stored_bytes=2**40)))
-    assert known is not None
-    key_id, secret = known
-    key = keys.find(key_id)
-    assert key is not None
-    assert key.admits(secret)
-    assert not key.admits(secret + "x")
-    assert key.limits.stored_bytes == 2**40
-    assert keys.exist()
-    assert keys.revoke(key_id)
-    assert not keys.revoke(key_id)
-    revoked = keys.find(key_id)
-    assert revoked is not None
-    assert not revoked.admits(secret)
+def test_a_reader_sees_one_moment(database: Database) -> None:
+    add_row(database)
+    with database.read() as connection:
+        assert connection.scalar(select(api_keys.c.name)) == "0"
+        with database.write() as writer:
+            writer.execute(update(api_keys).values(name="new"))
+        assert connection.scalar(select(api_keys.c.name)) == "0"
 
 
 def test_text_that_postgresql_cannot_hold_is_the_callers_fault(database: Database) -> None:
@@ -109,7 +80,7 @@ def test_text_that_postgresql_cannot_hold_is_the_callers_fault(database: Databas
     if isinstance(database, SqliteDatabase):
         assert queries.get("lab", "a\0b") is None
         return
-    with pytest.raises(InvalidRequestError):
+    with pytest.raises(InvalidRequestError, match="NUL"):
         queries.get("lab", "a\0b")
     with pytest.raises(InvalidRequestError):
         queries.page("lab", limit=9, only=JobFilter(label=("part", "\0")))
