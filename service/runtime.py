@@ -23,7 +23,7 @@ from service.jobs.notifier import JobNotifier
 from service.jobs.queries import JobQueries
 from service.jobs.retention import drop_expired, find_cloud_blobs, find_needed_blobs
 from service.jobs.transitions import JobTransitions
-from service.outbound import prune_http_cache
+from service.outbound import http_cache
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.decoded_cache import DecodedCache
@@ -138,7 +138,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
         )
         for part in (
             runtime.workers,
-            Maintenance(_maintenance_tasks(runtime), settings.upkeep_interval_s),
+            Maintenance(_maintenance_tasks(runtime), settings.maintenance_interval_s),
             WebhookSender(jobs, runtime.outbox, settings),
         ):
             part.start()
@@ -167,7 +167,7 @@ def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
         runtime.uploads.drop_expired,
         collect_blobs,
         lambda: decoded.collect(find_cloud_blobs(database)),
-        lambda: prune_http_cache(settings.data_dir, runtime.blobs),
+        lambda: http_cache.prune(settings.data_dir, runtime.blobs),
     ]
 
 

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from service.app import create_app
 from service.auth.bind_check import check_binding
 from service.runtime import Runtime
-from service.settings import Settings
+from service.settings import Settings, load_settings, log_renamed_variables
 from service.telemetry.json_logs import configure_logs
 
 CONNECTION_GRACE_S = 3
@@ -47,17 +47,17 @@ class DrainingServer(uvicorn.Server):
         super().handle_exit(sig, frame)
 
 
-def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
-    """Serve until SIGTERM or SIGINT, with the settings of the MPE_ variables.
+def serve(settings: Settings, host: str = "127.0.0.1", port: int = 8000) -> None:
+    """Serve until SIGTERM or SIGINT.
 
     Raises
     ------
     UnprotectedBindError
         Other machines could reach the address, and there are no keys.
     """
-    settings = Settings()
     check_binding(host, settings)
     configure_logs(settings.log_level)
+    log_renamed_variables()
     sys.setswitchinterval(GIL_SWITCH_INTERVAL_S)
     app = create_app(settings)
     # keep the imported objects out of full collections, which would stop the event loop for 60 ms
@@ -75,4 +75,4 @@ def serve(host: str = "127.0.0.1", port: int = 8000) -> None:
 
 
 if __name__ == "__main__":
-    serve()
+    serve(load_settings())

@@ -1,22 +1,68 @@
-"""Every setting of the service; each is read from the environment variable MPE_<NAME>."""
+"""Settings of the service, each read from the environment variable MPE_<NAME>.
+
+A group holds the variables that begin with its name: `settings.s3.region` is MPE_S3_REGION.
+"""
 
 from __future__ import annotations
 
+import base64
+import binascii
+import logging
 import os
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field, SecretStr, field_validator, model_validator
-from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    SecretStr,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+from pydantic_settings import (
+    BaseSettings,
+    EnvSettingsSource,
+    NoDecode,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+)
 
+PREFIX = "MPE_"
 MEBIBYTE = 2**20
 DAY_S = 86_400.0
+BASE64_KEY_PREFIX = "whsec_"
+RENAMED_VARIABLES = {
+    "MPE_UPKEEP_INTERVAL_S": "MPE_MAINTENANCE_INTERVAL_S",
+    "MPE_ALLOW_OPEN": "MPE_ALLOW_ANONYMOUS_REMOTE",
+    "MPE_URL_STALL_S": "MPE_URL_READ_TIMEOUT_S",
+    "MPE_URL_MIN_BYTES_S": "MPE_URL_MIN_BYTES_PER_S",
+    "MPE_WEBHOOK_TRIES": "MPE_WEBHOOK_MAX_ATTEMPTS",
+    "MPE_WEBHOOK_RETRY_S": "MPE_WEBHOOK_BACKOFF_S",
+}
+"""Old names and their successors; the old ones are accepted with a warning for one release."""
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+
+class InvalidSettingsError(ValueError):
+    """A variable has a value that is not allowed; the message names the variable."""
 
 
 def available_cores() -> int:
-    """Cores that this process may run on."""
+    """Count the cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -31,198 +77,227 @@ def _default_job_memory() -> int:
     return max(1024 * MEBIBYTE, int(0.8 * physical) // _default_workers())
 
 
-def _parts(value: object) -> object:
+def _split_commas(value: object) -> object:
     if isinstance(value, str):
         return tuple(part.strip() for part in value.split(",") if part.strip())
     return value
 
 
-CommaSeparated = (NoDecode, BeforeValidator(_parts))
-Ports = Annotated[tuple[Annotated[int, Field(ge=1, le=65535)], ...], *CommaSeparated]
-Networks = Annotated[tuple[IPv4Network | IPv6Network, ...], *CommaSeparated]
-Names = Annotated[tuple[str, ...], *CommaSeparated]
+CommaSeparated = Annotated[tuple[T, ...], NoDecode, BeforeValidator(_split_commas)]
+LowerCase = Annotated[str, StringConstraints(to_lower=True)]
+Hostname = Annotated[LowerCase, Field(pattern=r"^[A-Za-z0-9._-]+$")]
+Port = Annotated[int, Field(ge=1, le=65535)]
+
+
+class SettingsGroup(BaseModel):
+    """Variables with one prefix."""
+
+    model_config = ConfigDict(frozen=True, hide_input_in_errors=True, use_attribute_docstrings=True)
+
+
+class UrlSettings(SettingsGroup):
+    """Fetching clouds from URLs (MPE_URL_...)."""
+
+    fetching: bool = True
+    """Whether clouds are fetched from URLs."""
+    hosts: CommaSeparated[LowerCase] = ()
+    """Hosts that clouds may be fetched from, comma-separated; empty: every host on the public
+    network.
+    """
+    ports: CommaSeparated[Port] = ()
+    """Ports that URLs and callbacks may name, comma-separated; empty: 80, 443 and all from 1024."""
+    timeout_s: PositiveFloat = 300
+    """Time limit of fetching one cloud, in seconds."""
+    read_timeout_s: PositiveFloat = 20
+    """Time limit of connecting and of each wait for bytes, in seconds; also the interval over which
+    the speed is measured.
+    """
+    min_bytes_per_s: NonNegativeFloat = 1000
+    """Minimum speed of a fetch, in bytes per second; a slower one is given up."""
+
+
+class S3Settings(SettingsGroup):
+    """Reading clouds from s3:// addresses (MPE_S3_...)."""
+
+    buckets: CommaSeparated[str] = ()
+    """Buckets that s3:// addresses may name, comma-separated; empty: none. Needs the extra `s3`."""
+    endpoint: str | None = Field(default=None, pattern="^https?://")
+    """URL of the S3 server; unset: Amazon's."""
+    region: str = "us-east-1"
+    """Region of the buckets."""
+    access_key_id: str | None = None
+    """Id of the key that reads the buckets; unset: the AWS_ variables."""
+    secret_access_key: SecretStr | None = None
+    """Secret of that key."""
+
+    @model_validator(mode="after")
+    def _check_s3(self) -> S3Settings:
+        if self.buckets and find_spec("obstore") is None:
+            raise ValueError("MPE_S3_BUCKETS names buckets: install the extra s3 (obstore)")
+        if (self.access_key_id is None) != (self.secret_access_key is None):
+            raise ValueError("MPE_S3_ACCESS_KEY_ID and MPE_S3_SECRET_ACCESS_KEY: set both or none")
+        return self
+
+
+class KeySettings(SettingsGroup):
+    """Limits of API keys that have none of their own (MPE_KEY_...)."""
+
+    requests_per_s: NonNegativeFloat = 50
+    """Requests per second with one key, unless the key has its own limit; 0: unlimited. More are
+    answered 429.
+    """
+    queue_limit: NonNegativeInt = 200
+    """Registrations of one tenant that may wait, unless the key has its own limit; 0: unlimited.
+    More are answered 429.
+    """
+    stored_bytes: NonNegativeInt = 20 * 1024 * MEBIBYTE
+    """Bytes that one tenant may have stored, unless the key has its own limit; 0: unlimited. More
+    are answered 429.
+    """
+
+
+class WebhookSettings(SettingsGroup):
+    """Callbacks at the end of registrations (MPE_WEBHOOK_...)."""
+
+    hosts: CommaSeparated[LowerCase] = ()
+    """Hosts that `callback_url` may name, comma-separated; empty: no callbacks."""
+    secret: SecretStr | None = None
+    """Secret that callbacks are signed with, required for them: `whsec_` and the key in base64
+    (standardwebhooks.com), or any other text, whose UTF-8 bytes are the key.
+    """
+    backoff_s: PositiveFloat = 5
+    """Seconds until the second attempt of a callback; doubled after each further one, up to an
+    hour.
+    """
+    max_attempts: PositiveInt = 12
+    """Maximum attempts of one callback."""
+
+    @model_validator(mode="after")
+    def _check_secret(self) -> WebhookSettings:
+        if self.hosts and self.secret is None:
+            raise ValueError("MPE_WEBHOOK_HOSTS allows callbacks: set MPE_WEBHOOK_SECRET too")
+        if self.secret is not None:
+            _decode_secret(self.secret.get_secret_value())
+        return self
+
+    @property
+    def signing_key(self) -> bytes:
+        """Key of the signatures; empty without a secret."""
+        return b"" if self.secret is None else _decode_secret(self.secret.get_secret_value())
+
+
+def _decode_secret(text: str) -> bytes:
+    if not text.startswith(BASE64_KEY_PREFIX):
+        return text.encode()
+    try:
+        return base64.b64decode(text.removeprefix(BASE64_KEY_PREFIX), validate=True)
+    except binascii.Error:
+        raise ValueError(
+            "MPE_WEBHOOK_SECRET begins with whsec_, but base64 does not follow; make one with "
+            "`echo whsec_$(openssl rand -base64 32)`"
+        ) from None
 
 
 class Settings(BaseSettings):
     """Settings of one service process, checked at the start."""
 
-    model_config = SettingsConfigDict(env_prefix="MPE_", frozen=True, hide_input_in_errors=True)
+    model_config = SettingsConfigDict(
+        env_prefix=PREFIX,
+        env_nested_delimiter="_",
+        env_nested_max_split=1,
+        frozen=True,
+        hide_input_in_errors=True,
+        use_attribute_docstrings=True,
+    )
 
-    data_dir: Path = Field(
-        default_factory=lambda: Path.home() / ".local" / "share" / "mpe",
-        description="Directory that holds the job store and the clouds. One service per directory, "
-        "unless MPE_DATABASE_URL is set.",
-    )
-    database_url: SecretStr | None = Field(
-        default=None,
-        description="PostgreSQL for the job store, postgresql://user:password@host/database; "
-        "unset: SQLite in the data directory.",
-    )
-    workers: int = Field(
-        default_factory=_default_workers,
-        ge=1,
-        description="Registrations that run at once. Default: the cores, at most 4.",
-    )
-    threads_per_worker: int = Field(
-        default=0,
-        ge=0,
-        description="Threads of one registration; 0: the cores divided by the workers.",
-    )
-    max_body_bytes: int = Field(
-        default=512 * MEBIBYTE,
-        ge=1,
-        description="Largest request body in bytes; more is answered 413.",
-    )
-    max_wait_s: float = Field(
-        default=60, ge=0, description="Longest wait in seconds that `Prefer: wait` is granted."
-    )
-    queue_limit: int = Field(
-        default=1000, ge=1, description="Most registrations that may wait; more are answered 429."
-    )
-    job_timeout_s: float = Field(
-        default=600, gt=0, description="Wall-clock seconds after which a running attempt is killed."
-    )
-    job_memory_bytes: int = Field(
-        default_factory=_default_job_memory,
-        ge=256 * MEBIBYTE,
-        description="Address space of one worker in bytes. Default: 80 % of the memory, shared.",
-    )
-    shutdown_grace_s: float = Field(
-        default=30, ge=0, description="Seconds that running jobs may go on for after SIGTERM."
-    )
-    result_retention_s: float = Field(
-        default=7 * DAY_S, gt=0, description="Seconds that a result and its clouds are kept."
-    )
-    job_retention_s: float = Field(
-        default=30 * DAY_S, gt=0, description="Seconds that a registration that ended is kept."
-    )
-    cloud_retention_s: float = Field(
-        default=7 * DAY_S, gt=0, description="Seconds that a stored cloud is kept unless used."
-    )
-    upload_retention_s: float = Field(
-        default=DAY_S, gt=0, description="Seconds that an upload in pieces may lie still."
-    )
-    blob_grace_s: float = Field(
-        default=600,
-        gt=0,
-        description="Seconds that files are kept after they were written or last needed.",
-    )
-    upkeep_interval_s: float = Field(
-        default=30, gt=0, description="Seconds between looks for what has expired."
-    )
-    min_free_disk_bytes: int = Field(
-        default=512 * MEBIBYTE,
-        ge=0,
-        description="With less disk left, submissions are answered 503.",
-    )
-    min_free_memory_bytes: int = Field(
-        default=256 * MEBIBYTE, ge=0, description="With less memory left, they are answered 503."
-    )
-    url_fetching: bool = Field(default=True, description="Whether clouds are fetched from URLs.")
-    url_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Hosts, comma-separated, that clouds may be fetched from; empty: all public.",
-    )
-    url_ports: Ports = Field(
-        default=(),
-        description="Ports, comma-separated, of those hosts; empty: 80, 443 and all from 1024.",
-    )
-    private_networks: Networks = Field(
-        default=(),
-        description="Networks, comma-separated (10.1.0.0/16), that URLs and callbacks may reach "
-        "though they are not public.",
-    )
-    url_timeout_s: float = Field(
-        default=300, gt=0, description="Seconds within which a cloud must have been fetched."
-    )
-    url_stall_s: float = Field(
-        default=20,
-        gt=0,
-        description="Longest wait for its next bytes, in seconds; the time to measure its speed.",
-    )
-    url_min_bytes_s: float = Field(
-        default=1000, ge=0, description="Least speed of a cloud that is fetched, in bytes a second."
-    )
-    s3_buckets: Names = Field(
-        default=(),
-        description="Buckets, comma-separated, that s3:// addresses may name; empty: none. Needs "
-        "the extra `s3`.",
-    )
-    s3_endpoint: str | None = Field(
-        default=None,
-        pattern="^https?://",
-        description="Address of the server that holds them; unset: Amazon's.",
-    )
-    s3_region: str = Field(default="us-east-1", description="Region of the buckets.")
-    s3_access_key_id: str | None = Field(
-        default=None, description="Key to read them with; unset: as the AWS_ variables say."
-    )
-    s3_secret_access_key: SecretStr | None = Field(default=None, description="Secret of that key.")
-    require_keys: bool = Field(
-        default=False, description="Whether callers need a key even before the first was made."
-    )
-    allow_open: bool = Field(
-        default=False,
-        description="Whether to serve at an address that others can reach while there is no key.",
-    )
-    allowed_hosts: Annotated[
-        tuple[Annotated[str, Field(pattern=r"^[a-z0-9._-]+$")], ...], NoDecode
-    ] = Field(
-        default=(),
-        description="Names, comma-separated, without ports, that callers without a key may call "
-        "the service by, beside localhost and loopback addresses; empty: none, or with "
-        "MPE_ALLOW_OPEN any.",
-    )
-    key_requests_per_s: float = Field(
-        default=50,
-        ge=0,
-        description="Requests a second with one key, if it has no number of its own; 0: any. "
-        "More are answered 429.",
-    )
-    key_queue_limit: int = Field(
-        default=200,
-        ge=0,
-        description="Registrations of one tenant that may wait, likewise.",
-    )
-    key_stored_bytes: int = Field(
-        default=20 * 1024 * MEBIBYTE,
-        ge=0,
-        description="Bytes that may be kept for one tenant, likewise.",
-    )
-    cors_origins: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Origins, comma-separated, whose pages may call (https://lab.example.org); "
-        "`*`: all; empty: none.",
-    )
-    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
-        default="INFO", description="Least level of what is logged."
-    )
-    otlp_endpoint: str | None = Field(
-        default=None,
-        description="Where spans go, OTLP over HTTP (http://host:4318/v1/traces); unset: nowhere.",
-    )
-    webhook_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Hosts, comma-separated, that `callback_url` may name; empty: no callbacks.",
-    )
-    webhook_secret: SecretStr | None = Field(
-        default=None, description="Secret that callbacks are signed with; needed for them."
-    )
-    webhook_retry_s: float = Field(
-        default=5, gt=0, description="Seconds before a callback is tried again; then doubled."
-    )
-    webhook_tries: int = Field(default=12, ge=1, description="Most tries of one callback.")
+    data_dir: Path = Field(default_factory=lambda: Path.home() / ".local" / "share" / "mpe")
+    """Directory of the job store and the clouds. One service per directory, unless MPE_DATABASE_URL
+    is set.
+    """
+    database_url: SecretStr | None = None
+    """PostgreSQL database of the job store, postgresql://user:password@host/name; unset: SQLite in
+    the data directory.
+    """
+    workers: PositiveInt = Field(default_factory=_default_workers)
+    """Registrations that run at the same time. Default: the number of cores, at most 4."""
+    threads_per_worker: NonNegativeInt = 0
+    """Threads of one registration; 0: the number of cores divided by the workers."""
+    max_body_bytes: PositiveInt = 512 * MEBIBYTE
+    """Maximum size of a request body and of a fetched cloud, in bytes; larger bodies are answered
+    413.
+    """
+    max_wait_s: NonNegativeFloat = 60
+    """Maximum wait that `Prefer: wait` can ask for, in seconds."""
+    queue_limit: PositiveInt = 1000
+    """Maximum number of registrations that wait; more are answered 429."""
+    job_timeout_s: PositiveFloat = 600
+    """Time limit of one attempt at a registration, in seconds; it is killed then."""
+    job_memory_bytes: int = Field(default_factory=_default_job_memory, ge=256 * MEBIBYTE)
+    """Maximum address space of one worker, in bytes. Default: 80 % of the memory divided by the
+    workers.
+    """
+    shutdown_grace_s: NonNegativeFloat = 30
+    """Time that running registrations have to end after SIGTERM, in seconds."""
+    result_retention_s: PositiveFloat = 7 * DAY_S
+    """Time that a result and its clouds are kept after the end, in seconds."""
+    job_retention_s: PositiveFloat = 30 * DAY_S
+    """Time that a registration is kept after its end, in seconds."""
+    cloud_retention_s: PositiveFloat = 7 * DAY_S
+    """Time that a stored cloud is kept after its last use, in seconds."""
+    upload_retention_s: PositiveFloat = DAY_S
+    """Time that an unfinished upload is kept after its last byte, in seconds."""
+    blob_grace_s: PositiveFloat = 600
+    """Time that an unreferenced file is kept after it was written or last needed, in seconds."""
+    maintenance_interval_s: PositiveFloat = 30
+    """Interval of the clean-up task, in seconds."""
+    min_free_disk_bytes: NonNegativeInt = 512 * MEBIBYTE
+    """Free disk space below which submissions are answered 503, in bytes."""
+    min_free_memory_bytes: NonNegativeInt = 256 * MEBIBYTE
+    """Free memory below which submissions are answered 503, in bytes."""
+    url: UrlSettings = UrlSettings()
+    private_networks: CommaSeparated[IPv4Network | IPv6Network] = ()
+    """Networks that URLs and callbacks may reach although they are not public, comma-separated
+    (10.1.0.0/16).
+    """
+    s3: S3Settings = S3Settings()
+    require_keys: bool = False
+    """Whether callers need a key even before the first is created."""
+    allow_anonymous_remote: bool = False
+    """Whether to listen at an address that other machines can reach while no key exists."""
+    allowed_hosts: CommaSeparated[Hostname] = ()
+    """Host names that requests without a key may use, comma-separated, without ports, in addition
+    to localhost and loopback addresses; empty: none, or any with MPE_ALLOW_ANONYMOUS_REMOTE.
+    """
+    key: KeySettings = KeySettings()
+    cors_origins: CommaSeparated[LowerCase] = ()
+    """Origins whose pages may call the service, comma-separated (https://lab.example.org); `*`:
+    all; empty: none.
+    """
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+    """Minimum level of the messages that are logged."""
+    otlp_endpoint: str | None = None
+    """URL that spans are sent to, OTLP over HTTP (http://host:4318/v1/traces); unset: none are
+    sent.
+    """
+    webhook: WebhookSettings = WebhookSettings()
 
-    @field_validator("url_hosts", "webhook_hosts", "cors_origins", "allowed_hosts", mode="before")
     @classmethod
-    def _split(cls, value: object) -> object:
-        if isinstance(value, str):
-            return tuple(host.strip().lower() for host in value.split(",") if host.strip())
-        return value
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """Read arguments, then the environment with old names replaced by new ones."""
+        environment = EnvSettingsSource(settings_cls)
+        environment.env_vars = _rename_variables(environment.env_vars)
+        return init_settings, environment
 
     @field_validator("database_url")
     @classmethod
-    def _is_postgresql(cls, value: SecretStr | None) -> SecretStr | None:
+    def _check_database_url(cls, value: SecretStr | None) -> SecretStr | None:
         # the message must not repeat the value: there is a password in it
         if value is not None and not value.get_secret_value().startswith("postgresql://"):
             raise ValueError("expected postgresql://user:password@host/database")
@@ -231,7 +306,7 @@ class Settings(BaseSettings):
         return value
 
     @model_validator(mode="after")
-    def _fit_the_cores(self) -> Settings:
+    def _check_core_budget(self) -> Settings:
         cores = available_cores()
         if self.workers * max(1, self.threads_per_worker) > max(cores, self.workers):
             raise ValueError(
@@ -240,23 +315,9 @@ class Settings(BaseSettings):
             )
         return self
 
-    @model_validator(mode="after")
-    def _sign_callbacks(self) -> Settings:
-        if self.webhook_hosts and self.webhook_secret is None:
-            raise ValueError("MPE_WEBHOOK_HOSTS allows callbacks: set MPE_WEBHOOK_SECRET too")
-        return self
-
-    @model_validator(mode="after")
-    def _can_sign(self) -> Settings:
-        if self.s3_buckets and find_spec("obstore") is None:
-            raise ValueError("MPE_S3_BUCKETS names buckets: install the extra s3 (obstore)")
-        if (self.s3_access_key_id is None) != (self.s3_secret_access_key is None):
-            raise ValueError("MPE_S3_ACCESS_KEY_ID and MPE_S3_SECRET_ACCESS_KEY: set both or none")
-        return self
-
     @property
     def store_url(self) -> str:
-        """Where the job store is, as SQLAlchemy writes it."""
+        """SQLAlchemy URL of the job store."""
         if self.database_url is None:
             return f"sqlite:///{self.data_dir / 'jobs.sqlite3'}"
         return self.database_url.get_secret_value()
@@ -265,3 +326,62 @@ class Settings(BaseSettings):
     def threads(self) -> int:
         """Threads of one registration."""
         return self.threads_per_worker or max(1, available_cores() // self.workers)
+
+
+GROUPS: dict[str, type[SettingsGroup]] = {
+    "url": UrlSettings,
+    "s3": S3Settings,
+    "key": KeySettings,
+    "webhook": WebhookSettings,
+}
+"""Groups of `Settings` by the name of their field."""
+
+
+def load_settings() -> Settings:
+    """Read the settings from the environment.
+
+    Raises
+    ------
+    InvalidSettingsError
+        A value is not allowed; the message names each variable, and no value.
+    """
+    try:
+        return Settings()
+    except ValidationError as error:
+        raise InvalidSettingsError("; ".join(map(_describe, error.errors()))) from None
+
+
+def log_renamed_variables(environment: Mapping[str, str] = os.environ) -> None:
+    """Log a deprecation warning for each variable that is set by its old name."""
+    for old, new in RENAMED_VARIABLES.items():
+        if old in environment:
+            log.warning("%s is deprecated and will be removed; set %s instead", old, new)
+
+
+def setting_variables() -> Iterator[tuple[str, FieldInfo]]:
+    """Yield each environment variable and the field that it sets, groups resolved."""
+    for name, field in Settings.model_fields.items():
+        if (group := GROUPS.get(name)) is None:
+            yield f"{PREFIX}{name}".upper(), field
+            continue
+        for inner, inner_field in group.model_fields.items():
+            yield f"{PREFIX}{name}_{inner}".upper(), inner_field
+
+
+def _rename_variables(values: Mapping[str, str | None]) -> dict[str, str | None]:
+    """Give old variables their new names; a new one that is set wins. Names in lower case."""
+    renamed = {old.lower(): new.lower() for old, new in RENAMED_VARIABLES.items()}
+    successors = {renamed[name]: value for name, value in values.items() if name in renamed}
+    whole_groups = {f"{PREFIX}{name}".lower() for name in GROUPS}  # MPE_KEY is no setting
+    return {name: v for name, v in (successors | dict(values)).items() if name not in whole_groups}
+
+
+def _describe(error: Mapping[str, Any]) -> str:
+    message = str(error["msg"]).removeprefix("Value error, ")
+    path = [str(part) for part in error["loc"]]
+    variables = {name for name, _ in setting_variables()}
+    for length in (2, 1):  # of a group, or not
+        variable = (PREFIX + "_".join(path[:length])).upper()
+        if variable in variables:
+            return f"{variable}: {message}"
+    return message

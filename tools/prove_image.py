@@ -190,7 +190,7 @@ def _container(stage: Stage, data: Path) -> list[str]:
             --clear-groups --reuid={uid} --regid={gid} env -i -C {stage.folder} "$@"
     """
     # its network is its own loopback, as compose.yaml publishes it to the machine's own
-    environment = stage.environment | {"MPE_ALLOW_OPEN": "true"}
+    environment = stage.environment | {"MPE_ALLOW_ANONYMOUS_REMOTE": "true"}
     pairs = [f"{name}={value}" for name, value in environment.items()]
     command = [*stage.entrypoint, *stage.command]
     spaces = ["--mount", "--pid", "--net", "--ipc", "--uts", "--fork", "--kill-child"]

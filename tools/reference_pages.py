@@ -11,13 +11,12 @@ from typing import Any
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
-from pydantic_settings import BaseSettings
 
 import service.app  # noqa: F401 - imports every module that defines problem types
 from service.formats import FORMATS
 from service.problems import all_problem_types
 from service.schemas import Result, describe_options
-from service.settings import Settings
+from service.settings import setting_variables
 
 REFERENCE = Path(__file__).parent.parent / "docs" / "reference"
 NOTICE = "<!-- Written by `python -m tools.reference_pages`; edit the code instead. -->\n"
@@ -45,7 +44,7 @@ def render_pages() -> dict[str, str]:
     """Return the text of each page by its file name."""
     return {
         "settings.md": _page(
-            "Settings", SETTINGS_TEXT, ("variable", "default", "meaning"), _settings(Settings)
+            "Settings", SETTINGS_TEXT, ("variable", "default", "meaning"), _settings()
         ),
         "options.md": _page("Options", OPTIONS_TEXT, ("option", "default", "meaning"), _options()),
         "result.md": _page("Result", RESULT_TEXT, ("field", "meaning"), _result_fields(Result)),
@@ -56,15 +55,10 @@ def render_pages() -> dict[str, str]:
     }
 
 
-def _settings(group: type[BaseSettings]) -> Iterator[tuple[str, ...]]:
-    """Rows of the settings; a field that holds a group gives the rows of that group."""
-    for name, field in group.model_fields.items():
-        kind = field.annotation
-        if isinstance(kind, type) and issubclass(kind, BaseSettings):
-            yield from _settings(kind)
-        else:
-            variable = f"{group.model_config['env_prefix']}{name}".upper()
-            yield f"`{variable}`", _default(field.default), field.description or ""
+def _settings() -> Iterator[tuple[str, ...]]:
+    for name, field in setting_variables():
+        meaning = " ".join((field.description or "").split())
+        yield f"`{name}`", _default(field.default), meaning
 
 
 def _options() -> Iterator[tuple[str, ...]]:

@@ -59,13 +59,13 @@ async def identify(
         The key is used too often.
     """
     authorization = request.headers.getlist("authorization")
-    caller = runtime.authenticator.remembered(authorization)
+    caller = runtime.authenticator.from_cache(authorization)
     if caller is None:
-        caller = await run_in_threadpool(runtime.authenticator.identified, authorization)
+        caller = await run_in_threadpool(runtime.authenticator.authenticate, authorization)
     if caller.key_id is None:
         check_origin(request, runtime.settings)
     request.scope["caller"] = caller
-    runtime.rate_limiter.count(caller)
+    runtime.rate_limiter.check(caller)
     return caller
 
 

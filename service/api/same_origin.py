@@ -7,11 +7,11 @@ the `Origin` header shows it). Requests with a key need no such check: a page do
 
 from __future__ import annotations
 
-from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from fastapi import Request
 
+from service.auth.bind_check import is_loopback_address
 from service.problems import HostRefusedError, OriginRefusedError
 from service.settings import Settings
 
@@ -26,7 +26,7 @@ def check_origin(request: Request, settings: Settings) -> None:
     ------
     HostRefusedError
         Its Host is neither localhost, nor a loopback address, nor listed in MPE_ALLOWED_HOSTS. With
-        MPE_ALLOW_OPEN any host is accepted as long as that list is empty.
+        MPE_ALLOW_ANONYMOUS_REMOTE any host is accepted as long as that list is empty.
     OriginRefusedError
         Its method is not safe, and its Origin is neither the service itself nor listed in
         MPE_CORS_ORIGINS.
@@ -47,18 +47,10 @@ def check_origin(request: Request, settings: Settings) -> None:
 
 
 def _is_allowed_host(host: str, settings: Settings) -> bool:
-    if settings.allow_open and not settings.allowed_hosts:
+    if settings.allow_anonymous_remote and not settings.allowed_hosts:
         return True
     try:
         name = urlsplit(f"//{host}").hostname or ""
     except ValueError:
         return False
-    return name == "localhost" or name in settings.allowed_hosts or _is_loopback_address(name)
-
-
-def _is_loopback_address(name: str) -> bool:
-    """Whether the host is a loopback address; names are not resolved."""
-    try:
-        return ip_address(name).is_loopback
-    except ValueError:
-        return False
+    return name == "localhost" or name in settings.allowed_hosts or is_loopback_address(name)

@@ -18,7 +18,7 @@ from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.clouds.store import detect_format
 from service.jobs.fingerprint import hash_json, hash_work
 from service.jobs.model import JobRow
-from service.outbound import FetchRules, check_callback, check_source
+from service.outbound import FetchPolicy, check_callback, check_source
 from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
 from service.runtime import Runtime
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
@@ -160,7 +160,7 @@ def _resolve_reference(reference: CloudReference, runtime: Runtime, tenant: str)
     if reference.cloud is not None:
         return runtime.clouds.use(tenant, reference.cloud)
     assert reference.url is not None  # noqa: S101
-    check_source(reference.url, FetchRules.of(runtime.settings))
+    check_source(reference.url, FetchPolicy.of(runtime.settings))
     return CloudInput(url=reference.url)
 
 

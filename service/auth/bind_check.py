@@ -1,4 +1,4 @@
-"""Where the service may listen: strangers reach it only with keys, or when that is wanted."""
+"""Check before listening: other machines may reach the service only with keys, or on request."""
 
 from __future__ import annotations
 
@@ -11,31 +11,46 @@ from service.settings import Settings
 
 
 class UnprotectedBindError(Exception):
-    """Others could reach the address, and no key would keep them out."""
+    """Other machines could reach the address, and no key is required."""
 
 
 def check_binding(host: str, settings: Settings) -> None:
-    """OpenToStrangersError unless only this machine reaches the address, or keys are needed."""
-    if settings.allow_open or settings.require_keys or is_loopback(host):
+    """Check the address to listen at.
+
+    Raises
+    ------
+    UnprotectedBindError
+        Other machines can reach the address, no key exists or is required, and
+        MPE_ALLOW_ANONYMOUS_REMOTE is not set.
+    """
+    if settings.allow_anonymous_remote or settings.require_keys or resolves_to_loopback(host):
         return
     settings.data_dir.mkdir(parents=True, exist_ok=True)
     database = open_database(settings.store_url)
     try:
-        closed = KeyStore(database).exist()
+        has_keys = KeyStore(database).any_exist()
     finally:
         database.close()
-    if not closed:
+    if not has_keys:
         raise UnprotectedBindError(
-            f"others can reach {host or 'every address'}, and there is no key to keep them out: "
-            "make one with `mpe keys create --tenant NAME`, or set MPE_ALLOW_OPEN=true to serve "
-            "whoever comes"
+            f"other machines can reach {host or 'every address'}, and there is no API key: create "
+            "one with `mpe keys create --tenant NAME`, or set MPE_ALLOW_ANONYMOUS_REMOTE=true to "
+            "serve everybody"
         )
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches the address, or every address of the name."""
+def is_loopback_address(text: str) -> bool:
+    """Tell whether a text is an IP address that only this machine reaches; names are not."""
+    try:
+        return ip_address(text.partition("%")[0]).is_loopback
+    except ValueError:
+        return False
+
+
+def resolves_to_loopback(host: str) -> bool:
+    """Tell whether every address of a host, given by name or address, is a loopback address."""
     try:
         found = socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
     except OSError:
         return False
-    return all(ip_address(str(place[0]).partition("%")[0]).is_loopback for *_, place in found)
+    return all(is_loopback_address(str(address[0])) for *_, address in found)

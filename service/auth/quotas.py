@@ -1,4 +1,4 @@
-"""How much each tenant may have stored."""
+"""Storage quota of each tenant."""
 
 from __future__ import annotations
 
@@ -12,67 +12,77 @@ from service.database.engine import Database
 from service.jobs.usage import count_stored_bytes
 from service.problems import QuotaExceededError
 
-REMEMBERED_S = 1.0
-"""How long what was counted stands; longer where counting takes more than 5 % of it.
-
-Counting took 47 ms with 10,000 registrations that keep their files.
+CACHE_TTL_S = 1.0
+"""Minimum time in seconds that a count of stored bytes is used."""
+MAX_COUNTING_FRACTION = 0.05
+"""Maximum fraction of the time spent counting: a slow count is used longer
+(docs/tuning.md#storage-quota).
 """
-COUNTING_SHARE = 0.05
 
 
 @dataclass(slots=True)
 class _Count:
     bytes: int
-    """As counted, and what has arrived since."""
+    """Bytes counted in the database, and released since."""
     until: float
 
 
 class StorageQuota:
-    """What is stored, as counted at most a second ago, and in this process what is on its way."""
+    """Bytes that each tenant has stored or is sending to this process.
+
+    Stored bytes are counted in the database at most once in CACHE_TTL_S; bytes being received are
+    reserved here until they are stored or dropped.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
         self._counts: dict[str, _Count] = {}
-        self._arriving: Counter[str] = Counter()
-        self._deciding = threading.Lock()
+        self._reserved: Counter[str] = Counter()
+        self._lock = threading.Lock()
 
-    def stored(self, tenant: str) -> int:
-        """Bytes that are kept for the tenant or arrive."""
+    def used(self, tenant: str) -> int:
+        """Return the bytes that are stored or reserved."""
         started = time.monotonic()
-        with self._deciding:
+        with self._lock:
             count = self._counts.get(tenant)
             if count is not None and started < count.until:
-                return count.bytes + self._arriving[tenant]
+                return count.bytes + self._reserved[tenant]
         counted = count_stored_bytes(self._database, tenant)
         now = time.monotonic()
-        until = now + max(REMEMBERED_S, (now - started) / COUNTING_SHARE)
-        with self._deciding:
+        until = now + max(CACHE_TTL_S, (now - started) / MAX_COUNTING_FRACTION)
+        with self._lock:
             self._counts[tenant] = _Count(counted, until)
-            return counted + self._arriving[tenant]
+            return counted + self._reserved[tenant]
 
     def reserve(self, caller: Caller, size: int) -> None:
-        """Keep room for so many bytes until `release`; QuotaExceededError when there is not."""
-        allowed = caller.limits.stored_bytes
-        if allowed is not None:
-            self.stored(caller.tenant)
-        with self._deciding:
-            if allowed is not None:
-                used = self._counts[caller.tenant].bytes + self._arriving[caller.tenant]
-                if used + size > allowed or used >= allowed:
-                    raise _exceeded(used, size, allowed)
-            self._arriving[caller.tenant] += size
+        """Reserve bytes that are about to arrive, until `release`.
+
+        Raises
+        ------
+        QuotaExceededError
+            They would exceed the caller's limit, or it is reached already.
+        """
+        limit = caller.limits.stored_bytes
+        if limit is not None:
+            self.used(caller.tenant)
+        with self._lock:
+            if limit is not None:
+                used = self._counts[caller.tenant].bytes + self._reserved[caller.tenant]
+                if used + size > limit or used >= limit:
+                    raise _exceeded(used, size, limit)
+            self._reserved[caller.tenant] += size
 
     def release(self, caller: Caller, size: int) -> None:
-        """What was on its way is stored now, or has not come: the next count tells."""
-        with self._deciding:
-            self._arriving[caller.tenant] -= size
+        """End a reservation; its bytes count as stored until the next count of the database."""
+        with self._lock:
+            self._reserved[caller.tenant] -= size
             if caller.tenant in self._counts:
                 self._counts[caller.tenant].bytes += size
 
 
-def _exceeded(used: int, size: int, allowed: int) -> QuotaExceededError:
+def _exceeded(used: int, size: int, limit: int) -> QuotaExceededError:
     return QuotaExceededError(
-        f"Storage quota exceeded: {used} of {allowed} bytes are in use or being uploaded, and this "
+        f"Storage quota exceeded: {used} of {limit} bytes are in use or being uploaded, and this "
         f"request needs {size} more. Delete clouds or registrations.",
-        members={"limit": "stored_bytes", "used": used, "allowed": allowed},
+        members={"limit": "stored_bytes", "used": used, "allowed": limit},
     )

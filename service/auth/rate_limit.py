@@ -1,4 +1,4 @@
-"""How often each key may be used: the generic cell rate algorithm (ITU-T I.371)."""
+"""Rate limit of each key: the generic cell rate algorithm (ITU-T I.371)."""
 
 from __future__ import annotations
 
@@ -9,27 +9,35 @@ from service.problems import RateLimitedError
 
 
 class RateLimiter:
-    """Belongs to one event loop.
+    """Limit the requests per second of each key; to be used within one event loop.
 
-    A key that is used evenly may be used `requests_per_s` times a second; one that has rested, as
-    many times at once, and once at least.
+    A key that was idle for a second can send `requests_per_s` requests at once, at least one. Then,
+    or if it sends evenly, `requests_per_s` requests per second.
     """
 
     def __init__(self) -> None:
         self._due: dict[str, float] = {}
+        """Time at which each key's requests so far are paid off: the theoretical arrival time."""
 
-    def count(self, caller: Caller) -> None:
-        """Count a request; RateLimitedError when it comes too early."""
+    def check(self, caller: Caller) -> None:
+        """Count a request.
+
+        Raises
+        ------
+        RateLimitedError
+            It comes too early; it is not counted then.
+        """
         rate = caller.limits.requests_per_s
         if rate is None or caller.key_id is None:
             return
         now = time.monotonic()
         due = max(now, self._due.get(caller.key_id, 0.0))
-        early = due - now - max(0.0, (rate - 1) / rate)
-        if early > 0:
+        burst_s = max(0.0, (rate - 1) / rate)
+        early_s = due - now - burst_s
+        if early_s > 0:
             raise RateLimitedError(
                 f"Rate limit exceeded: this key allows {rate:g} requests per second. Retry later.",
-                retry_after_s=early,
+                retry_after_s=early_s,
                 members={"limit": "requests_per_s", "allowed": rate},
             )
         self._due[caller.key_id] = due + 1 / rate

@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from mpe_core import Registration, RegistrationError
 from service.cli.align_arguments import (
     add_options,
-    add_reading,
-    numbers_as_such,
-    options_of,
+    add_read_options,
+    parse_options,
+    protect_negative_numbers,
 )
-from service.cli.key_arguments import add_keys
+from service.cli.keys import add_keys, run
 from service.clouds.inputs import CLOUD_ROLES
 from service.clouds.transform import transform_cloud
 from service.formats import (
@@ -30,33 +29,38 @@ from service.formats import (
 )
 from service.problems import NotReadyError
 from service.schemas import Reading
-from service.settings import Settings
+from service.settings import InvalidSettingsError, load_settings
 
-WORKED, FAILED, MISUSED = 0, 1, 2
+EXIT_OK = 0
+EXIT_ERROR = 1
+"""An input is at fault, or the work failed."""
+EXIT_USAGE = 2
+"""The command line or the settings are at fault."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; 0 when it worked, 1 when an input is at fault, 2 when the call is."""
+    """Run the command line `mpe` and return its exit code."""
     words = sys.argv[1:] if arguments is None else arguments
-    given = _parser().parse_args(numbers_as_such(words))
-    return {"align": _align, "serve": _serve, "keys": _manage_keys}[given.command](given)
+    parsed = _parser().parse_args(protect_negative_numbers(words))
+    return {"align": _align, "serve": _serve, "keys": _keys}[parsed.command](parsed)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="mpe", description="Rigid registration of point clouds.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     align = commands.add_parser("align", help="align two files, without a server")
-    align.add_argument("source", type=Path, help="the cloud that is moved")
-    align.add_argument("target", type=Path, help="the cloud that stays")
+    align.add_argument("source", type=Path, help="file of the cloud that is moved")
+    align.add_argument("target", type=Path, help="file of the cloud that stays in place")
     align.add_argument("--json", action="store_true", help="print the result as JSON")
     align.add_argument(
         "-o",
         "--output",
         type=Path,
         metavar="FILE",
-        help=f"write the moved source there; the ending says how: {', '.join(WRITERS)}",
+        help=f"write the moved source to this file; its suffix selects the format: "
+        f"{', '.join(WRITERS)}",
     )
-    add_reading(align)
+    add_read_options(align)
     add_options(align)
     serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
@@ -65,60 +69,61 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _align(given: argparse.Namespace) -> int:
+def _align(arguments: argparse.Namespace) -> int:
     from mpe_core import register  # loads the kernels, which `mpe serve` must not
 
     try:
-        options = options_of(given)
-        ending = _ending(given.output)
-        source, target = (_read(role, given) for role in CLOUD_ROLES)
-        found = register(
+        options = parse_options(arguments)
+        output_format = _output_format(arguments.output)
+        source, target = (_read(role, arguments) for role in CLOUD_ROLES)
+        registration = register(
             source.points,
             target.points,
             options,
             source_weights=source.weights,
             target_weights=target.weights,
         )
-        if given.output:
-            cloud = transform_cloud(source, found.T_target_source)
-            write_cloud(given.output, ending, cloud.points, cloud.attributes)
+        if arguments.output:
+            cloud = transform_cloud(source, registration.T_target_source)
+            write_cloud(arguments.output, output_format, cloud.points, cloud.attributes)
     except (RegistrationError, CloudFileError) as error:
-        return _complain(str(error), FAILED)
+        return _fail(str(error), EXIT_ERROR)
     except OSError as error:
-        return _complain(f"{error.filename}: {error.strerror}", FAILED)
-    for warning in (*source.warnings, *target.warnings, *found.warnings):
+        return _fail(f"{error.filename}: {error.strerror}", EXIT_ERROR)
+    for warning in (*source.warnings, *target.warnings, *registration.warnings):
         print(f"mpe: warning: {warning}", file=sys.stderr)
-    print(_document(found) if given.json else _summary(source, target, found))
-    return WORKED
+    print(_document(registration) if arguments.json else _summary(source, target, registration))
+    return EXIT_OK
 
 
-def _ending(output: Path | None) -> str:
-    """Format to write; CloudFileError if no format has this ending."""
-    ending = output.suffix.lower().lstrip(".") if output else "ply"
-    if ending not in WRITERS:
-        raise UnsupportedFileError(f"{output}: can be written as {', '.join(WRITERS)}")
-    return ending
+def _output_format(output: Path | None) -> str:
+    suffix = output.suffix.lower().lstrip(".") if output else "ply"
+    if suffix not in WRITERS:
+        raise UnsupportedFileError(
+            f"{output}: expected a file name that ends in {', '.join(WRITERS)}"
+        )
+    return suffix
 
 
-def _read(role: str, given: argparse.Namespace) -> DecodedCloud:
-    path = getattr(given, role)
-    reading = {name: getattr(given, f"{role}_{name}") for name in Reading.model_fields}
+def _read(role: str, arguments: argparse.Namespace) -> DecodedCloud:
+    path = getattr(arguments, role)
+    reading = {name: getattr(arguments, f"{role}_{name}") for name in Reading.model_fields}
     try:
-        return read_points(path, **reading, attributes=given.output is not None)
+        return read_points(path, **reading, attributes=arguments.output is not None)
     except CloudFileError as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def _document(found: Registration) -> str:
+def _document(registration: Registration) -> str:
     from service.schemas.serialize_result import render_result
 
-    return render_result(found).decode()
+    return render_result(registration).decode()
 
 
-def _summary(source: DecodedCloud, target: DecodedCloud, found: Registration) -> str:
+def _summary(source: DecodedCloud, target: DecodedCloud, registration: Registration) -> str:
     from mpe_core.geometry.rigid import rotation_error
 
-    T = found.T_target_source
+    T = registration.T_target_source
     rows = "\n".join("  " + "".join(f"{value:>16.9g}" for value in row) for row in T)
     return f"""\
 source      {len(source.points)} points ({source.format})
@@ -126,57 +131,37 @@ target      {len(target.points)} points ({target.format})
 T_target_source
 {rows}
 rotation    {rotation_error(T, np.eye(4)):.4f} degrees
-inliers     {len(found.inliers)} pairs closer than {found.inliers.threshold:.4g}
-overlap     {100 * found.overlap:.1f} % of the source
-rmse        {found.rmse:.4g} of the inliers
-confidence  {found.confidence:.2f}
-converged   {"yes" if found.converged else "no"}, {found.iterations} iterations
-time        {found.timing["total"]:.2f} s"""
+inliers     {len(registration.inliers)} pairs closer than {registration.inliers.threshold:.4g}
+overlap     {100 * registration.overlap:.1f} % of the source
+rmse        {registration.rmse:.4g} of the inliers
+confidence  {registration.confidence:.2f}
+converged   {"yes" if registration.converged else "no"}, {registration.iterations} iterations
+time        {registration.timing["total"]:.2f} s"""
 
 
-def _serve(given: argparse.Namespace) -> int:
+def _serve(arguments: argparse.Namespace) -> int:
     from service.auth.bind_check import UnprotectedBindError
     from service.server import serve  # loads the service, which `mpe align` does without
 
-    if (wrong := _wrong_settings()) is not None:
-        return _complain(wrong, MISUSED)
     try:
-        serve(given.host, given.port)
-    except UnprotectedBindError as error:
-        return _complain(str(error), MISUSED)
+        serve(load_settings(), arguments.host, arguments.port)
+    except (InvalidSettingsError, UnprotectedBindError) as error:
+        return _fail(str(error), EXIT_USAGE)
     except NotReadyError as error:
-        return _complain(str(error), FAILED)
-    return WORKED
+        return _fail(str(error), EXIT_ERROR)
+    return EXIT_OK
 
 
-def _manage_keys(given: argparse.Namespace) -> int:
-    from service.cli import keys as key_commands
-
-    if (wrong := _wrong_settings()) is not None:
-        return _complain(wrong, MISUSED)
+def _keys(arguments: argparse.Namespace) -> int:
     try:
-        key_commands.run(given)
+        run(arguments, load_settings())
+    except InvalidSettingsError as error:
+        return _fail(str(error), EXIT_USAGE)
     except (ValueError, RuntimeError, OSError, NotReadyError) as error:
-        return _complain(str(error), FAILED)
-    return WORKED
+        return _fail(str(error), EXIT_ERROR)
+    return EXIT_OK
 
 
-def _wrong_settings() -> str | None:
-    """What is wrong with the MPE_ variables."""
-    try:
-        Settings()
-    except ValidationError as error:
-        return "; ".join(
-            f"{'MPE_' + str(item['loc'][0]).upper() + ': ' if item['loc'] else ''}{item['msg']}"
-            for item in error.errors()
-        )
-    return None
-
-
-def _complain(message: str, code: int) -> int:
+def _fail(message: str, code: int) -> int:
     print(f"mpe: {message}", file=sys.stderr)
     return code
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,4 +1,4 @@
-"""Arguments of `mpe align`: one for each field of a reading and each option of a registration."""
+"""Arguments of `mpe align`, made from the fields of `Reading` and `RegistrationOptions`."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from service.clouds.inputs import CLOUD_ROLES
 from service.schemas import Reading, describe_options
 from service.schemas.options import OPTION_NAMES
 
-_SMALL = re.compile(r"-\d*\.?\d*[eE][+-]?\d+")
-FILE = "FILE holds four lines of four numbers, or JSON with them as `transform`. "
+_EXPONENT_NUMBER = re.compile(r"-\d*\.?\d*[eE][+-]?\d+")
+FILE_HELP = "FILE holds four lines of four numbers, or JSON with them as `transform`. "
 HINTS = get_type_hints(RegistrationOptions)
 
 
-def numbers_as_such(words: Iterable[str]) -> list[str]:
-    """argparse takes -1e-5 for an option, before Python 3.14; a blank tells that it is none."""
-    return [f" {word}" if _SMALL.fullmatch(word) else word for word in words]
+def protect_negative_numbers(words: Iterable[str]) -> list[str]:
+    """Put a blank before words like -1e-5, which argparse takes for options before Python 3.14."""
+    return [f" {word}" if _EXPONENT_NUMBER.fullmatch(word) else word for word in words]
 
 
-def add_reading(parser: argparse.ArgumentParser) -> None:
-    """--source-format and the like: one for each cloud and each field of a reading."""
-    group = parser.add_argument_group("reading of the files")
+def add_read_options(parser: argparse.ArgumentParser) -> None:
+    """Add --source-format and the like: one for each cloud and each field of `Reading`."""
+    group = parser.add_argument_group("how the files are read")
     for role in CLOUD_ROLES:
         for name, field in Reading.model_fields.items():
             kind = int if int in get_args(field.annotation) else str
@@ -40,11 +40,11 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """One --option for each option of a registration, with its own description and default."""
+    """Add one --option for each option of a registration, with its description and default."""
     group = parser.add_argument_group("options of the registration")
     for name, schema in describe_options().items():
-        form = _form(HINTS[name])
-        file = FILE if form.get("metavar") == "FILE" else ""
+        form = _argument_form(HINTS[name])
+        file = FILE_HELP if form.get("metavar") == "FILE" else ""
         default = schema["default"]
         description = f"{schema['description']} {file}Default: {default}.".replace("%", "%%")
         group.add_argument(
@@ -56,8 +56,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def _form(hint: Any) -> dict[str, Any]:
-    """How an option of this type is written."""
+def _argument_form(hint: Any) -> dict[str, Any]:
+    """Return the keywords of `add_argument` for an option of this type."""
     if hint is bool:
         return {"action": "store_true"}
     if hint == Vector | None:
@@ -70,17 +70,17 @@ def _form(hint: Any) -> dict[str, Any]:
     return {"type": kinds[0], "metavar": kinds[0].__name__.upper()}
 
 
-def options_of(given: argparse.Namespace) -> RegistrationOptions:
-    """The options that were given, files of poses read.
+def parse_options(arguments: argparse.Namespace) -> RegistrationOptions:
+    """Build the options from parsed arguments; poses are read from their files.
 
     Raises
     ------
     InvalidOptionsError
-        An option is out of its range, or a file is no pose.
+        An option is out of its range, or a file holds no pose.
     OSError
         A file cannot be read.
     """
-    values = {name: getattr(given, name) for name in OPTION_NAMES}
+    values = {name: getattr(arguments, name) for name in OPTION_NAMES}
     return RegistrationOptions(
         **{name: read_pose(v) if isinstance(v, Path) else v for name, v in values.items()}
     )

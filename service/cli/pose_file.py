@@ -1,4 +1,4 @@
-"""A pose that a person has in a file."""
+"""Reading a pose from a text file."""
 
 from __future__ import annotations
 
@@ -10,28 +10,30 @@ from mpe_core import InvalidOptionsError
 
 
 def read_pose(path: Path) -> Any:
-    """4x4 numbers: four lines of four, or JSON, alone or as the `transform` of a result.
+    """Read 4x4 numbers: four lines of four, or JSON, alone or as the `transform` of a result.
+
+    The shape and the values are not checked.
 
     Raises
     ------
     InvalidOptionsError
-        The file has no such numbers.
+        The file does not have that form.
     """
     try:
         text = path.read_text()
-        found = _json(text) if text.lstrip().startswith(("{", "[")) else _rows(text)
+        pose = _json(text) if text.lstrip().startswith(("{", "[")) else _rows(text)
     except (ValueError, RecursionError):
-        found = None
-    if found is None:
+        pose = None
+    if pose is None:
         raise InvalidOptionsError(
             f"{path}: expected four lines of four numbers, or JSON with them as 'transform'"
         )
-    return found
+    return pose
 
 
 def _json(text: str) -> Any:
-    found = json.loads(text)
-    return found.get("transform") if isinstance(found, dict) else found
+    document = json.loads(text)
+    return document.get("transform") if isinstance(document, dict) else document
 
 
 def _rows(text: str) -> list[list[float]]:

@@ -20,7 +20,7 @@ from sqlalchemy import (
 )
 
 from service.database.tables import deliveries, events, jobs
-from service.outbound.redact import shown
+from service.outbound.urls import redact_url
 
 
 def record_change(connection: Connection, job_id: str) -> None:
@@ -76,6 +76,6 @@ _INSERT_EVENT = _insert_event()  # built once: building takes longer than execut
 def _redact_urls(connection: Connection, job_id: str) -> None:
     query = select(jobs.c.source, jobs.c.target).where(jobs.c.id == job_id)
     clouds = connection.execute(query).one()._mapping
-    redacted = {role: {**cloud, "url": shown(cloud["url"])} for role, cloud in clouds.items()}
+    redacted = {role: {**cloud, "url": redact_url(cloud["url"])} for role, cloud in clouds.items()}
     if redacted != clouds:
         connection.execute(update(jobs).where(jobs.c.id == job_id).values(**redacted))

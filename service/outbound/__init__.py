@@ -1,27 +1,31 @@
-"""The one door through which the service calls what its callers name: clouds and callbacks."""
+"""Calls to hosts that callers named: fetching clouds, sending callbacks.
+
+No other package opens such connections. Each call checks the URL, resolves the host once, checks
+all of its addresses and connects to one of these.
+"""
 
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferDeadline, TransferLimits
 from service.outbound.fetch import (
-    FetchRules,
-    callback_rules,
+    FetchPolicy,
+    callback_policy,
     check_callback,
     check_source,
     fetch,
 )
-from service.outbound.http_cache import HttpCache, prune_http_cache
-from service.outbound.urls import parse_url
+from service.outbound.http_cache import HttpCache
+from service.outbound.urls import parse_url, redact_url
 
 __all__ = [
-    "FetchRules",
+    "FetchPolicy",
     "HttpCache",
     "OutboundClient",
     "TransferDeadline",
     "TransferLimits",
-    "callback_rules",
+    "callback_policy",
     "check_callback",
     "check_source",
     "fetch",
     "parse_url",
-    "prune_http_cache",
+    "redact_url",
 ]

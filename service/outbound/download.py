@@ -1,11 +1,16 @@
-"""One file on its way to the store: asked for if changed, taken up again where it was cut."""
+"""Download of one file into the blob store.
+
+A cached file is asked for only if it has changed (RFC 9110, section 13). A transfer that was cut
+is continued where it stopped, if the server promises that the rest belongs to the same file
+(RFC 9110, section 14).
+"""
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import Enum, auto
 
 from service.outbound.client import OutboundClient, OutboundResponse
 from service.outbound.deadline import TransferDeadline, TransferLimits
@@ -16,135 +21,193 @@ from service.outbound.errors import (
     FetchTooLargeError,
     FetchUnreachableError,
 )
-from service.outbound.http_cache import CachedFile, HttpCache
-from service.outbound.redirects import follow
+from service.outbound.http_cache import CachedFile, HttpCache, Validators
 from service.outbound.urls import Url
-from service.outbound.validators import Validators
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 
-PAUSES_S = (0.2, 0.5, 1.0, 2.0)
-"""Seconds before each further try after a cut."""
-OK, PARTIAL, NOT_MODIFIED, NOT_SATISFIABLE = 200, 206, 304, 416
-READABLE_ENCODINGS = ("", "identity", "gzip")
-"""What is stored as it comes; a gzip file is expanded, within bounds, by the reader of formats."""
-_RANGE = re.compile(r"bytes ([0-9]{1,18})-[0-9]{1,18}/(?:([0-9]{1,18})|\*)")
+RETRY_PAUSES_S = (0.2, 0.5, 1.0, 2.0)
+"""Seconds before each further attempt after a cut."""
+OK, PARTIAL_CONTENT, NOT_MODIFIED, RANGE_NOT_SATISFIABLE = 200, 206, 304, 416
+ACCEPTED_ENCODINGS = ("", "identity", "gzip")
+"""Encodings whose bytes are stored as they come; the format readers expand gzip within bounds."""
+_CONTENT_RANGE = re.compile(r"bytes ([0-9]{1,18})-[0-9]{1,18}/(?:([0-9]{1,18})|\*)")
 _LENGTH = re.compile(r"[0-9]{1,18}")
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """What has come before the connection was cut, beside the bytes."""
+class PartialFile:
+    """The bytes of a file that arrived before its transfer was cut."""
 
     url: Url
     validator: str | None
-    """Strong: it promises that the rest belongs to the same file."""
+    """Strong validator of the file; None: nothing promises that the rest belongs to it."""
+    size: int
 
 
-class Download:
-    """`run` it once."""
+class Action(Enum):
+    """What to do with the body of a response."""
 
-    def __init__(
-        self,
-        door: OutboundClient,
-        blobs: BlobStore,
-        known: HttpCache,
-        *,
-        bounds: TransferLimits,
-        max_bytes: int,
-    ) -> None:
-        self._door = door
-        self._blobs = blobs
-        self._known = known
-        self._watch = TransferDeadline(bounds)
-        self._max_bytes = max_bytes
-        self._part: Part | None = None
-        self._asked: dict[str, CachedFile] = {}
-        self._names: dict[Url, str] = {}
+    RESTART = auto()
+    """Store it as the whole file."""
+    RESUME = auto()
+    """Append it to the partial file."""
+    DISCARD = auto()
+    """Drop it: it fits neither; ask for the whole file again."""
 
-    def run(self, url: Url, name: str | None = None) -> Blob:
-        """Store what the URL gives; `name` is what it is remembered by, if not by itself.
+
+def choose_action(partial: PartialFile | None, response: OutboundResponse) -> Action:
+    """Decide what to do with a response, given what has arrived before.
+
+    Raises
+    ------
+    FetchStatusError
+        The response holds no file.
+    FetchError
+        The body is encoded, or a part of a file, without having been asked for so.
+    """
+    if response.status == RANGE_NOT_SATISFIABLE and partial is not None:
+        return Action.DISCARD
+    if response.status not in (OK, PARTIAL_CONTENT):
+        raise FetchStatusError(f"The URL answered {response.status} instead of 200.")
+    encoding = response.headers.get("content-encoding", "").strip().lower()
+    if encoding not in ACCEPTED_ENCODINGS:
+        raise FetchError("The URL's file is compressed in a way that was not asked for.")
+    content_range = response.headers.get("content-range")
+    if response.status == OK and content_range is None:
+        return Action.RESTART
+    match = _CONTENT_RANGE.fullmatch(content_range or "")
+    if partial is None or match is None:
+        raise FetchError("The URL sent a part of a file that was not asked for.")
+    # some servers heed Range, but not If-Range
+    rest = PartialFile(response.url, Validators.of(response.headers).strong, int(match[1]))
+    is_rest = partial.validator is not None and rest == partial
+    return Action.RESUME if is_rest else Action.DISCARD
+
+
+def announced_size(response: OutboundResponse) -> int:
+    """Return the size of the whole file in bytes as far as the headers tell, else 0."""
+    if match := _CONTENT_RANGE.fullmatch(response.headers.get("content-range", "")):
+        return int(match[2] or 0)
+    match = _LENGTH.fullmatch(response.headers.get("content-length", ""))
+    return int(match[0]) if match else 0
+
+
+@dataclass(slots=True)
+class Transfer:
+    """State of one download, kept across its attempts."""
+
+    url: Url
+    cache_key: str
+    cache: HttpCache
+    writer: BlobWriter
+    max_bytes: int
+    partial: PartialFile | None = None
+    revalidated: dict[Url, CachedFile] = field(default_factory=dict)
+    """Cached files that were asked for only if they had changed."""
+
+    def key_of(self, url: Url) -> str:
+        """Return the key that the file at this URL, the first or a redirect, is cached under."""
+        return self.cache_key if url == self.url else str(url)
+
+    def headers_for(self, url: Url) -> dict[str, str]:
+        """Return the request headers: the rest of a partial file, or a changed file only."""
+        headers = {"Accept-Encoding": "identity"}
+        if self.partial is not None:
+            has_rest = self.partial.url == url and self.partial.size > 0
+            if not has_rest or self.partial.validator is None:
+                return headers
+            range_ = f"bytes={self.partial.size}-"
+            return headers | {"Range": range_, "If-Range": self.partial.validator}
+        cached = self.cache.find(self.key_of(url))
+        if cached is None:
+            return headers
+        self.revalidated[url] = cached
+        return headers | cached.validators.conditions
+
+    def receive(self, response: OutboundResponse) -> None:
+        """Write the body; `partial` says what has arrived if an exception ends it.
 
         Raises
         ------
-        AddressRefusedError, FetchError
-            It could not be had.
+        FetchError
+            The response is not the file, or not the rest of it, or too large.
         """
-        if name is not None:
-            self._names[url] = name
-        with self._blobs.writer() as writer:
-            for pause_s in PAUSES_S:
-                try:
-                    return self._try(url, writer)
-                except (FetchCutError, FetchUnreachableError):
-                    if self._part is None:
-                        raise  # nothing has come yet
-                time.sleep(min(pause_s, self._watch.wait()))
-            return self._try(url, writer)
-
-    def _try(self, url: Url, writer: BlobWriter) -> Blob:
-        with follow(self._door, url, self._watch, self._headers(writer.size)) as answer:
-            if answer.status == NOT_MODIFIED and self._name(answer.url) in self._asked:
-                return self._asked[self._name(answer.url)].blob
-            self._begin(answer, writer)
-            validators = Validators.of(answer.headers)
-            self._part = Part(answer.url, validators.strong)
-            for chunk in answer.chunks:
-                writer.write(chunk)
-                self._check_size(writer.size)
-        blob = writer.commit()
-        self._known.keep(self._name(answer.url), CachedFile(blob, validators))
-        return blob
-
-    def _headers(self, size: int) -> Callable[[Url], dict[str, str]]:
-        def headers_for(url: Url) -> dict[str, str]:
-            plain = {"Accept-Encoding": "identity"}
-            part = self._part
-            if part is not None:
-                if part.url != url or part.validator is None or size == 0:
-                    return plain
-                return plain | {"Range": f"bytes={size}-", "If-Range": part.validator}
-            known = self._known.find(self._name(url))
-            if known is None:
-                return plain
-            self._asked[self._name(url)] = known
-            return plain | known.validators.conditions
-
-        return headers_for
-
-    def _begin(self, answer: OutboundResponse, writer: BlobWriter) -> None:
-        """Go on where the answer does, or begin again."""
-        if answer.status == NOT_SATISFIABLE and self._part is not None:
-            self._give_up_part(answer.url)
-        if answer.status not in (OK, PARTIAL):
-            raise FetchStatusError(f"The URL answered {answer.status} instead of 200.")
-        encoding = answer.headers.get("content-encoding", "").strip().lower()
-        if encoding not in READABLE_ENCODINGS:
-            raise FetchError("The URL's file is compressed in a way that was not asked for.")
-        if answer.status == PARTIAL or "content-range" in answer.headers:
-            self._go_on(answer, writer)
-            return
-        length = _LENGTH.fullmatch(answer.headers.get("content-length", ""))
-        self._check_size(int(length[0]) if length else 0)
-        writer.restart()
-
-    def _go_on(self, answer: OutboundResponse, writer: BlobWriter) -> None:
-        found = _RANGE.fullmatch(answer.headers.get("content-range", ""))
-        if self._part is None or found is None:
-            raise FetchError("The URL gave a part of a file that was not asked for.")
-        part = Part(answer.url, Validators.of(answer.headers).strong)
-        if int(found[1]) != writer.size or part != self._part:
-            self._give_up_part(answer.url)  # some servers heed Range, but not If-Range
-        self._check_size(int(found[2] or 0))
-
-    def _give_up_part(self, url: Url) -> None:
-        self._part = Part(url, None)
-        raise FetchCutError("The rest of the URL's file does not fit what came before.")
+        action = choose_action(self.partial, response)
+        if action is Action.DISCARD:
+            self.partial = PartialFile(response.url, None, self.writer.size)
+            raise FetchCutError("The rest of the URL's file does not fit what came before.")
+        self._check_size(announced_size(response))
+        if action is Action.RESTART:
+            self.writer.restart()
+        validator = Validators.of(response.headers).strong
+        try:
+            for chunk in response.chunks:
+                self.writer.write(chunk)
+                self._check_size(self.writer.size)
+        finally:
+            self.partial = PartialFile(response.url, validator, self.writer.size)
 
     def _check_size(self, size: int) -> None:
-        if size > self._max_bytes:
-            raise FetchTooLargeError(
-                f"The URL gives more than the allowed {self._max_bytes} bytes."
-            )
+        if size > self.max_bytes:
+            raise FetchTooLargeError(f"The URL gives more than the allowed {self.max_bytes} bytes.")
 
-    def _name(self, url: Url) -> str:
-        return self._names.get(url, str(url))
+
+def download(
+    client: OutboundClient,
+    url: Url,
+    blobs: BlobStore,
+    cache: HttpCache,
+    *,
+    limits: TransferLimits,
+    max_bytes: int,
+    cache_key: str | None = None,
+) -> Blob:
+    """Store the file at a URL.
+
+    Parameters
+    ----------
+    client : OutboundClient
+        Client that sends the requests.
+    url : Url
+        Where the file is.
+    blobs : BlobStore
+        Where it is stored.
+    cache : HttpCache
+        Files that were downloaded before.
+    limits : TransferLimits
+        Bounds on the time of all attempts together.
+    max_bytes : int
+        Maximum size of the file.
+    cache_key : str, optional
+        Key in the cache for a URL that is never the same twice; default: the URL.
+
+    Raises
+    ------
+    AddressRefusedError
+        The policy does not allow the URL or a redirect of it.
+    FetchError
+        The file could not be downloaded; the subclass tells why.
+    """
+    deadline = TransferDeadline(limits)
+    with blobs.writer() as writer:
+        transfer = Transfer(url, cache_key or str(url), cache, writer, max_bytes)
+        for pause_s in RETRY_PAUSES_S:
+            try:
+                return _attempt(client, transfer, deadline)
+            except (FetchCutError, FetchUnreachableError):
+                if transfer.partial is None:
+                    raise
+            time.sleep(min(pause_s, deadline.remaining()))
+        return _attempt(client, transfer, deadline)
+
+
+def _attempt(client: OutboundClient, transfer: Transfer, deadline: TransferDeadline) -> Blob:
+    with client.get(transfer.url, deadline, transfer.headers_for) as response:
+        cached = transfer.revalidated.get(response.url)
+        if response.status == NOT_MODIFIED and cached is not None:
+            return cached.blob
+        transfer.receive(response)
+    blob = transfer.writer.commit()
+    validators = Validators.of(response.headers)
+    transfer.cache.store(transfer.key_of(response.url), CachedFile(blob, validators))
+    return blob

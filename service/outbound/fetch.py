@@ -1,4 +1,4 @@
-"""A cloud's URL, of any scheme that is fetched: what is allowed, and fetching it."""
+"""Fetching a cloud from an http, https or s3 URL."""
 
 from __future__ import annotations
 
@@ -7,98 +7,110 @@ from typing import Self
 
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferLimits
-from service.outbound.download import Download
+from service.outbound.download import download
 from service.outbound.errors import AddressRefusedError
 from service.outbound.http_cache import HttpCache
-from service.outbound.s3 import S3Rules, check_s3, policy_for, presign
+from service.outbound.ip_policy import Network
+from service.outbound.s3 import check_s3, policy_for, presign
 from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
-from service.settings import Settings
+from service.settings import S3Settings, Settings, UrlSettings
 from service.storage.blobs import Blob, BlobStore
 
-S3_PREFIX = "s3://"
+S3_SCHEME = "s3://"
 
 
 @dataclass(frozen=True, slots=True)
-class FetchRules:
+class FetchPolicy:
     """What may be fetched, how much, and for how long."""
 
-    enabled: bool
-    web: UrlPolicy
-    s3: S3Rules
-    bounds: TransferLimits
+    url: UrlSettings
+    s3: S3Settings
+    private_networks: tuple[Network, ...]
     max_bytes: int
 
     @classmethod
     def of(cls, settings: Settings) -> Self:
-        """What the settings say."""
-        secret = settings.s3_secret_access_key
-        return cls(
-            enabled=settings.url_fetching,
-            web=UrlPolicy(
-                hosts=settings.url_hosts,
-                ports=settings.url_ports,
-                networks=settings.private_networks,
-            ),
-            s3=S3Rules(
-                buckets=settings.s3_buckets,
-                endpoint=settings.s3_endpoint,
-                region=settings.s3_region,
-                access_key_id=settings.s3_access_key_id,
-                secret_access_key=None if secret is None else secret.get_secret_value(),
-            ),
-            bounds=TransferLimits(
-                settings.url_timeout_s, settings.url_stall_s, settings.url_min_bytes_s
-            ),
-            max_bytes=settings.max_body_bytes,
-        )
+        """Select the settings that matter."""
+        return cls(settings.url, settings.s3, settings.private_networks, settings.max_body_bytes)
+
+    @property
+    def web(self) -> UrlPolicy:
+        """Policy of http and https URLs."""
+        return UrlPolicy(self.url.hosts, ports=self.url.ports, networks=self.private_networks)
+
+    @property
+    def limits(self) -> TransferLimits:
+        """Time limits of one cloud."""
+        return TransferLimits(self.url.timeout_s, self.url.read_timeout_s, self.url.min_bytes_per_s)
 
 
-def callback_rules(settings: Settings) -> UrlPolicy:
-    """What may be called when a registration has ended."""
+def callback_policy(settings: Settings) -> UrlPolicy:
+    """Return the policy of callbacks at the end of registrations."""
     return UrlPolicy(
-        hosts=settings.webhook_hosts,
+        settings.webhook.hosts,
         hosts_setting="MPE_WEBHOOK_HOSTS",
-        ports=settings.url_ports,
+        ports=settings.url.ports,
         networks=settings.private_networks,
     )
 
 
 def check_callback(url: str, settings: Settings) -> None:
-    """AddressRefusedError unless the URL may be called, as far as that shows without calling."""
-    if not settings.webhook_hosts:
-        raise AddressRefusedError("This service calls nobody: MPE_WEBHOOK_HOSTS names no host.")
-    check_url(parse_url(url), callback_rules(settings))
-
-
-def check_source(url: str, rules: FetchRules) -> None:
-    """AddressRefusedError unless the URL may be fetched, as far as that shows without calling."""
-    if not rules.enabled:
-        raise AddressRefusedError("This service fetches no URLs: MPE_URL_FETCHING is off.")
-    if url.startswith(S3_PREFIX):
-        check_s3(url, rules.s3)
-    else:
-        check_url(parse_url(url), rules.web)
-
-
-def fetch(url: str, rules: FetchRules, blobs: BlobStore, known: HttpCache) -> Blob:
-    """Store what the URL gives.
+    """Check a callback URL without resolving its host.
 
     Raises
     ------
     AddressRefusedError
-        It may not be fetched.
-    FetchError
-        It could not be had; the subclass says why.
+        The URL may not be called.
     """
-    check_source(url, rules)
-    name = None
-    if url.startswith(S3_PREFIX):
-        place = presign(url, rules.s3, valid_s=rules.bounds.total_s)
-        web, name = policy_for(place, rules.s3), f"{rules.s3.endpoint} {url}"
+    if not settings.webhook.hosts:
+        raise AddressRefusedError(
+            "Callbacks are disabled: MPE_WEBHOOK_HOSTS names no host. Omit callback_url."
+        )
+    check_url(parse_url(url), callback_policy(settings))
+
+
+def check_source(url: str, policy: FetchPolicy) -> None:
+    """Check the URL of a cloud without resolving its host.
+
+    Raises
+    ------
+    AddressRefusedError
+        The URL may not be fetched.
+    """
+    if not policy.url.fetching:
+        raise AddressRefusedError(
+            "Fetching from URLs is disabled: MPE_URL_FETCHING is off. Upload the cloud instead."
+        )
+    if url.startswith(S3_SCHEME):
+        check_s3(url, policy.s3)
     else:
-        place, web = parse_url(url), rules.web
-    download = Download(
-        OutboundClient(web), blobs, known, bounds=rules.bounds, max_bytes=rules.max_bytes
+        check_url(parse_url(url), policy.web)
+
+
+def fetch(url: str, policy: FetchPolicy, blobs: BlobStore, cache: HttpCache) -> Blob:
+    """Store the file at the URL of a cloud.
+
+    Raises
+    ------
+    AddressRefusedError
+        The URL may not be fetched.
+    FetchError
+        It could not be fetched; the subclass tells why.
+    """
+    check_source(url, policy)
+    cache_key = None
+    if url.startswith(S3_SCHEME):
+        location = presign(url, policy.s3, valid_s=policy.limits.total_s)
+        web, cache_key = policy_for(location, policy.s3), f"{policy.s3.endpoint} {url}"
+    else:
+        location, web = parse_url(url), policy.web
+    return download(
+        OutboundClient(web),
+        location,
+        blobs,
+        cache,
+        limits=policy.limits,
+        max_bytes=policy.max_bytes,
+        cache_key=cache_key,
     )
-    return download.run(place, name)

@@ -1,4 +1,4 @@
-"""Which IP addresses may be dialled."""
+"""Policy of IP addresses: which ones may be connected to."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ METADATA = frozenset(
         ),
     )
 )
-"""Where clouds tell a machine its secrets; never dialled, whatever is opened."""
+"""Addresses at which cloud providers serve credentials of the machine; never allowed."""
 
-# what ipaddress.is_global of Python 3.11 lets through: IANA's registries of special addresses
+# special addresses of IANA's registries that ipaddress.is_global of Python 3.11 calls global
 _SPECIAL: tuple[Network, ...] = (
     ip_network("192.88.99.0/24"),  # relays of 6to4
     ip_network("2001::/23"),  # Teredo and other protocols
@@ -41,14 +41,14 @@ _SPECIAL: tuple[Network, ...] = (
 )
 _UNICAST = ip_network("2000::/3")
 _ISATAP = (0x00005EFE, 0x02005EFE)
-"""First half of an interface identifier that holds an IPv4 address."""
+"""Upper 32 bits of an interface identifier that embeds an IPv4 address."""
 
 
-def is_allowed(address: Address, opened: Sequence[Network]) -> bool:
-    """Whether the address is public, or within the opened networks, and tells no secrets."""
+def is_allowed(address: Address, networks: Sequence[Network]) -> bool:
+    """Tell whether an address is public or in one of the networks, and serves no metadata."""
     if address in METADATA:
         return False
-    return _is_public(address) or any(address in network for network in opened)
+    return _is_public(address) or any(address in network for network in networks)
 
 
 def _is_public(address: Address) -> bool:
@@ -58,5 +58,5 @@ def _is_public(address: Address) -> bool:
         return False
     if isinstance(address, IPv4Address):
         return True
-    # the only space given out; mapped addresses, NAT64 and whatever is to come are outside
+    # the only allocated space; mapped addresses and NAT64 are outside
     return address in _UNICAST and (int(address) >> 32) & 0xFFFFFFFF not in _ISATAP

@@ -1,4 +1,8 @@
-"""Connections to addresses that were checked: resolved once, and that very address dialled."""
+"""Network backend of httpcore that connects only to addresses it has checked.
+
+A host is resolved once and the connection goes to one of the addresses that were checked. A second
+look-up (DNS rebinding) cannot lead elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -17,22 +21,22 @@ from service.outbound.ip_policy import Address, is_allowed
 from service.outbound.url_policy import UrlPolicy, refused_address
 
 Resolver = Callable[[str], Iterable[str]]
-"""Addresses of a name, as text; OSError when there are none."""
+"""Function from a host name to its addresses; raises OSError when there are none."""
 
 
 def system_resolver(name: str) -> list[str]:
-    """What the system says, without order or doubles lost."""
+    """Resolve a name with the system; keeps the order, drops duplicates."""
     found = socket.getaddrinfo(name, None, type=socket.SOCK_STREAM)
     return list(dict.fromkeys(str(item[4][0]) for item in found))
 
 
 class GuardedBackend(httpcore.NetworkBackend):
-    """Connects to the names that httpcore asks for; TLS names and Host stay the name."""
+    """Connect to checked addresses of a host; TLS and the Host header keep its name."""
 
-    def __init__(self, rules: UrlPolicy, resolve: Resolver, watch: TransferDeadline) -> None:
-        self._rules = rules
+    def __init__(self, policy: UrlPolicy, resolve: Resolver, deadline: TransferDeadline) -> None:
+        self._policy = policy
         self._resolve = resolve
-        self._watch = watch
+        self._deadline = deadline
         self._sockets = httpcore.SyncBackend()
 
     def connect_tcp(
@@ -43,43 +47,43 @@ class GuardedBackend(httpcore.NetworkBackend):
         local_address: str | None = None,
         socket_options: Iterable[Any] | None = None,
     ) -> httpcore.NetworkStream:
-        """A connection to the first address that answers; none is made unless all may be dialled.
+        """Connect to the first address that answers, once all addresses of the host are allowed.
 
         Raises
         ------
         AddressRefusedError
-            One of the addresses may not be dialled.
+            One of the addresses is not allowed.
         FetchNameError
             The host has no address.
         httpcore.ConnectError, httpcore.ConnectTimeout
-            None answers.
+            No address answers.
         """
-        addresses = self._addresses(host)
-        if not all(is_allowed(address, self._rules.networks) for address in addresses):
+        addresses = self._resolve_host(host)
+        if not all(is_allowed(address, self._policy.networks) for address in addresses):
             raise refused_address()
         failure: Exception = httpcore.ConnectError()
         for address in addresses:
             try:
-                stream = self._sockets.connect_tcp(str(address), port, self._watch.wait())
+                stream = self._sockets.connect_tcp(str(address), port, self._deadline.remaining())
             except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
                 failure = error
             else:
-                self._watch.begin()
-                return TimedStream(stream, self._watch)
+                self._deadline.start()
+                return TimedStream(stream, self._deadline)
         raise failure
 
-    def _addresses(self, host: str) -> list[Address]:
+    def _resolve_host(self, host: str) -> list[Address]:
         try:
             return [ip_address(host)]
         except ValueError:
             pass
-        found = [ip_address(text) for text in self._resolved(host)]
-        if not found:
+        addresses = [ip_address(text) for text in self._ask_resolver(host)]
+        if not addresses:
             raise FetchNameError("The URL's host has no address.")
-        return found
+        return addresses
 
-    def _resolved(self, host: str) -> list[str]:
-        """What the resolver says in time: it cannot be interrupted."""
+    def _ask_resolver(self, host: str) -> list[str]:
+        """Run the resolver in a thread, since it cannot be interrupted, and wait within limits."""
         answers: list[list[str] | OSError] = []
 
         def ask() -> None:
@@ -90,7 +94,7 @@ class GuardedBackend(httpcore.NetworkBackend):
 
         asking = threading.Thread(target=ask, daemon=True)
         asking.start()
-        asking.join(self._watch.wait())
+        asking.join(self._deadline.remaining())
         if not answers:
             raise FetchTooSlowError("The URL's host was not resolved in time.")
         if isinstance(answers[0], OSError):
@@ -99,21 +103,21 @@ class GuardedBackend(httpcore.NetworkBackend):
 
 
 class TimedStream(httpcore.NetworkStream):
-    """A connection whose every step keeps to the stopwatch."""
+    """Connection whose reads and writes keep to the deadline."""
 
-    def __init__(self, stream: httpcore.NetworkStream, watch: TransferDeadline) -> None:
+    def __init__(self, stream: httpcore.NetworkStream, deadline: TransferDeadline) -> None:
         self._stream = stream
-        self._watch = watch
+        self._deadline = deadline
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
-        """The next bytes."""
-        received = self._stream.read(max_bytes, self._watch.wait())
-        self._watch.came(len(received))
+        """Read the next bytes."""
+        received = self._stream.read(max_bytes, self._deadline.remaining())
+        self._deadline.received(len(received))
         return received
 
     def write(self, buffer: bytes, timeout: float | None = None) -> None:
         """Send the bytes."""
-        self._stream.write(buffer, self._watch.wait())
+        self._stream.write(buffer, self._deadline.remaining())
 
     def close(self) -> None:
         """Close the connection."""
@@ -125,19 +129,25 @@ class TimedStream(httpcore.NetworkStream):
         server_hostname: str | None = None,
         timeout: float | None = None,
     ) -> httpcore.NetworkStream:
-        """The connection within TLS, to the server of this name; FetchTlsError if it is not."""
+        """Start TLS with the server of this name.
+
+        Raises
+        ------
+        FetchTlsError
+            The certificate is not valid for the name, or the handshake failed.
+        """
         try:
-            inner = self._stream.start_tls(ssl_context, server_hostname, self._watch.wait())
+            inner = self._stream.start_tls(ssl_context, server_hostname, self._deadline.remaining())
         except httpcore.ConnectError as error:
-            raise FetchTlsError(f"TLS failed: {_reason(error.__cause__)}.") from error
-        return TimedStream(inner, self._watch)
+            raise FetchTlsError(f"TLS failed: {_tls_reason(error.__cause__)}.") from error
+        return TimedStream(inner, self._deadline)
 
     def get_extra_info(self, info: str) -> Any:
-        """What is known of the connection."""
+        """Return what httpcore tells of the connection."""
         return self._stream.get_extra_info(info)
 
 
-def _reason(error: BaseException | None) -> str:
+def _tls_reason(error: BaseException | None) -> str:
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"the certificate is not valid ({error.verify_message.rstrip('.')})"
     if isinstance(error, ssl.SSLError) and error.reason:

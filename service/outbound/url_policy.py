@@ -1,4 +1,4 @@
-"""What may be called."""
+"""Policy of URLs: which hosts, ports and networks may be called."""
 
 from __future__ import annotations
 
@@ -15,36 +15,45 @@ FIRST_UNPRIVILEGED_PORT = 1024
 
 @dataclass(frozen=True, slots=True)
 class UrlPolicy:
-    """Hosts, ports and networks of one kind of calls."""
+    """Hosts, ports and networks that one kind of call may reach."""
 
     hosts: tuple[str, ...] = ()
-    """Names or addresses; none: all."""
+    """Host names or addresses; empty: all."""
     hosts_setting: str = "MPE_URL_HOSTS"
-    """The variable that names them."""
+    """Environment variable of `hosts`, for messages."""
     ports: tuple[int, ...] = ()
-    """None: 80, 443 and all from 1024."""
+    """Empty: ORDINARY_PORTS and all from FIRST_UNPRIVILEGED_PORT."""
     networks: tuple[Network, ...] = ()
-    """Networks that may be reached though they are not public."""
+    """Networks that may be reached although they are not public."""
 
 
-def check_url(url: Url, rules: UrlPolicy) -> None:
-    """AddressRefusedError unless the URL may be called, as far as that shows without asking DNS."""
-    if rules.hosts and url.host not in rules.hosts:
-        raise AddressRefusedError(f"{rules.hosts_setting} does not name the URL's host.")
-    if not _is_port_open(url.port, rules.ports):
-        raise AddressRefusedError("The URL's port may not be called.")
+def check_url(url: Url, policy: UrlPolicy) -> None:
+    """Check a URL without resolving its host.
+
+    Raises
+    ------
+    AddressRefusedError
+        The policy does not allow its host or port.
+    """
+    if policy.hosts and url.host not in policy.hosts:
+        raise AddressRefusedError(f"{policy.hosts_setting} does not name the URL's host.")
+    if not _is_port_open(url.port, policy.ports):
+        raise AddressRefusedError(
+            "The URL's port is not allowed: expected one of MPE_URL_PORTS, or without that setting "
+            "80, 443 or 1024 and above."
+        )
     try:
         address = ip_address(url.host)
     except ValueError:
         return
-    if not is_allowed(address, rules.networks):
+    if not is_allowed(address, policy.networks):
         raise refused_address()
 
 
 def refused_address() -> AddressRefusedError:
-    """Says the same whatever the address is, and whether anything is there or not."""
+    """Return the error for an address that is not allowed; it reveals nothing about the address."""
     return AddressRefusedError(
-        "The URL's host is not on the public network; MPE_PRIVATE_NETWORKS opens others."
+        "The URL's host is not on the public network; MPE_PRIVATE_NETWORKS allows others."
     )
 
 

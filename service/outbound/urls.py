@@ -1,11 +1,11 @@
-"""URLs in one spelling: what is checked is what is dialled."""
+"""URLs in one canonical spelling, so that the URL that is checked is the URL that is called."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address
-from urllib.parse import urlsplit
+from urllib.parse import urlsplit, urlunsplit
 
 from service.outbound.errors import AddressRefusedError
 
@@ -19,18 +19,18 @@ MAX_HOST_LENGTH = 253
 
 @dataclass(frozen=True, slots=True)
 class Url:
-    """An http or https URL without user, password and fragment."""
+    """An http or https URL in canonical spelling, without user, password and fragment."""
 
     scheme: str
     host: str
-    """A name in lower case, or an IP address in its usual spelling, without brackets."""
+    """A name in lower case, or an IP address in canonical spelling without brackets."""
     port: int
     target: str
-    """Path and query."""
+    """Path and query, percent-encoded."""
 
     @property
     def authority(self) -> str:
-        """Host and, unless it is the scheme's own, port: the header Host."""
+        """Host, and port unless it is the default of the scheme: the value of the Host header."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return host if self.port == DEFAULT_PORTS[self.scheme] else f"{host}:{self.port}"
 
@@ -39,12 +39,12 @@ class Url:
 
 
 def parse_url(text: str) -> Url:
-    """Read the URL.
+    """Parse a URL strictly.
 
     Raises
     ------
     AddressRefusedError
-        It is not http or https, names a user, or is spelt in a way that programs read differently:
+        It is not http or https, names a user, or has a spelling that parsers read differently:
         control characters, blanks, backslashes, names that are not ASCII, zone ids, trailing dots,
         IPv4 addresses that are not four decimal numbers.
     """
@@ -56,22 +56,22 @@ def parse_url(text: str) -> Url:
     try:
         parts = urlsplit(text)
     except ValueError:
-        raise AddressRefusedError("The URL cannot be read.") from None
+        raise AddressRefusedError("The URL is not valid: expected http(s)://host/path.") from None
     if parts.scheme not in DEFAULT_PORTS:
         raise AddressRefusedError("A URL must be http or https.")
     if "@" in parts.netloc:
         raise AddressRefusedError("A URL must name no user and no password.")
-    found = _AUTHORITY.fullmatch(parts.netloc)
-    if found is None:
-        raise AddressRefusedError("The URL's host and port cannot be read.")
-    port = int(found[2] or DEFAULT_PORTS[parts.scheme])
+    match = _AUTHORITY.fullmatch(parts.netloc)
+    if match is None:
+        raise AddressRefusedError("The URL's host and port are not valid: expected host:port.")
+    port = int(match[2] or DEFAULT_PORTS[parts.scheme])
     if not 0 < port < 65536:
-        raise AddressRefusedError("The URL's port is not one from 1 to 65535.")
+        raise AddressRefusedError("The URL's port must be between 1 and 65535.")
     query = f"?{parts.query}" if parts.query else ""
-    return Url(parts.scheme, _host(found[1]), port, (parts.path or "/") + query)
+    return Url(parts.scheme, _canonical_host(match[1]), port, (parts.path or "/") + query)
 
 
-def _host(text: str) -> str:
+def _canonical_host(text: str) -> str:
     host = text.lower()
     try:
         if host.startswith("["):
@@ -79,7 +79,17 @@ def _host(text: str) -> str:
         if _NUMBER.fullmatch(host.rpartition(".")[2]):
             return str(IPv4Address(host))
     except ValueError:
-        raise AddressRefusedError("The URL's host is no IP address in its usual form.") from None
+        raise AddressRefusedError(
+            "The URL's host is not an IP address in its usual form."
+        ) from None
     if len(host) > MAX_HOST_LENGTH or not all(map(_LABEL.fullmatch, host.split("."))):
-        raise AddressRefusedError("The URL's host is not a name.")
+        raise AddressRefusedError("The URL's host is not a valid host name.")
     return host
+
+
+def redact_url(url: str | None) -> str | None:
+    """Drop user info, query and fragment, which may hold credentials or signatures."""
+    if url is None:
+        return None
+    parts = urlsplit(url)
+    return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path, "", ""))

@@ -9,12 +9,12 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from service.outbound.redact import shown
+from service.outbound.urls import redact_url
 
 MAX_EXACT_INTEGER = 2**53
 """Up to this magnitude every integer has an exact float, so 12.0 can stand for 12."""
 
-RedactedUrl = Annotated[str, AfterValidator(shown)]
+RedactedUrl = Annotated[str, AfterValidator(redact_url)]
 """A URL that loses its user info, query and fragment: they may hold credentials."""
 
 

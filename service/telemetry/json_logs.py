@@ -1,4 +1,4 @@
-"""Logs as JSON lines, each with the request and the job that it belongs to."""
+"""Logs as JSON lines on stderr, each with the ids of its request and its job."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ job_id: ContextVar[str | None] = ContextVar("job_id", default=None)
 
 
 class ContextFilter(logging.Filter):
-    """Adds request_id and job_id where they are known."""
+    """Add request_id and job_id to each record that is logged within one."""
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Never drops a record."""
+        """Add the ids; never drops a record."""
         for name, variable in (("request_id", request_id), ("job_id", job_id)):
             value = variable.get()
             if value is not None and not hasattr(record, name):
@@ -25,9 +25,9 @@ class ContextFilter(logging.Filter):
 
 
 @contextmanager
-def job_context(identity: str) -> Iterator[None]:
-    """What is logged within belongs to the job."""
-    token = job_id.set(identity)
+def job_context(identifier: str) -> Iterator[None]:
+    """Log everything within the context with this job_id."""
+    token = job_id.set(identifier)
     try:
         yield
     finally:
@@ -35,12 +35,12 @@ def job_context(identity: str) -> Iterator[None]:
 
 
 def configure_logs(level: str) -> None:
-    """Send everything to stderr as JSON; the service writes its own access lines."""
+    """Send all logs of this level and above to stderr; the service writes its own access log."""
     logging.config.dictConfig(
         {
             "version": 1,
             "disable_existing_loggers": False,
-            "filters": {"belonging": {"()": ContextFilter}},
+            "filters": {"context": {"()": ContextFilter}},
             "formatters": {
                 "json": {
                     "()": "pythonjsonlogger.json.JsonFormatter",
@@ -53,14 +53,14 @@ def configure_logs(level: str) -> None:
                 "stderr": {
                     "class": "logging.StreamHandler",
                     "formatter": "json",
-                    "filters": ["belonging"],
+                    "filters": ["context"],
                 }
             },
             "root": {"level": level, "handlers": ["stderr"]},
             "loggers": {
                 "uvicorn.access": {"level": "WARNING"},
                 "alembic.runtime.migration": {"level": "WARNING"},
-                # these tell of addresses, headers and bodies
+                # their DEBUG messages hold URLs, headers and bodies
                 "httpcore": {"level": "WARNING"},
                 "python_multipart": {"level": "WARNING"},
             },

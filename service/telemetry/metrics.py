@@ -1,4 +1,4 @@
-"""Measurements in the format of Prometheus."""
+"""Metrics in the format of Prometheus."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from prometheus_client.registry import Collector
 from service.jobs.model import JOB_STATUSES, JobRow
 from service.jobs.queries import JobQueries
 
-SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
-SHARES = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1)
+DURATION_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
+CONFIDENCE_BUCKETS = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1)
 
 
 class Metrics:
-    """What is counted while the service runs; the state of the store is read at each scrape."""
+    """Counters and histograms of this process, and gauges of the store, read at each scrape."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -26,7 +26,7 @@ class Metrics:
             "mpe_http_request_seconds",
             "Time to answer a request.",
             ("method", "route", "status"),
-            buckets=SECONDS,
+            buckets=DURATION_BUCKETS_S,
             registry=self.registry,
         )
         self.problems = Counter(
@@ -43,7 +43,7 @@ class Metrics:
         )
         self._fetches = Counter(
             "mpe_fetches",
-            "Registrations with clouds from URLs, by whether they could be had.",
+            "Registrations with clouds from URLs, by whether these were fetched.",
             ("outcome",),
             registry=self.registry,
         )
@@ -51,18 +51,18 @@ class Metrics:
             "mpe_stage_seconds",
             "Time of each stage of a registration.",
             ("stage",),
-            buckets=SECONDS,
+            buckets=DURATION_BUCKETS_S,
             registry=self.registry,
         )
         self._confidence = Histogram(
             "mpe_confidence",
             "Confidence of the results.",
-            buckets=SHARES,
+            buckets=CONFIDENCE_BUCKETS,
             registry=self.registry,
         )
 
     def ended(self, job: JobRow) -> None:
-        """Count a job that an attempt has ended."""
+        """Count a job that an attempt ended."""
         error = "" if job.error is None else job.error["type"].rpartition(":")[2]
         self._ends.labels(job.status, error).inc()
         for name, seconds in job.timing.items():
@@ -74,15 +74,15 @@ class Metrics:
             self._fetches.labels("failed" if failed else "done").inc()
 
     def watch(self, jobs: JobQueries) -> None:
-        """Read the store, and the memory of this process and its workers, at each scrape."""
-        self.registry.register(_State(jobs))
+        """Add gauges of the store and of the memory of this process and its workers."""
+        self.registry.register(_StateCollector(jobs))
 
     def exposition(self) -> bytes:
-        """The text to be scraped."""
+        """Return all metrics as text, for a scrape."""
         return generate_latest(self.registry)
 
 
-class _State(Collector):
+class _StateCollector(Collector):
     def __init__(self, jobs: JobQueries) -> None:
         self._jobs = jobs
 
@@ -93,19 +93,23 @@ class _State(Collector):
         yield jobs
         oldest = self._jobs.oldest_queued_at()
         age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
-        yield GaugeMetricFamily("mpe_queue_age_seconds", "Age of the oldest that waits.", age)
+        yield GaugeMetricFamily(
+            "mpe_queue_age_seconds", "Age of the oldest waiting registration.", age
+        )
         memory = GaugeMetricFamily(
             "mpe_memory_bytes",
-            "Resident memory, pages that are shared counted in each.",
+            "Resident memory; shared pages count in each process.",
             labels=["of"],
         )
         process = psutil.Process()
         memory.add_metric(["service"], process.memory_info().rss)
-        memory.add_metric(["workers"], sum(_resident(p) for p in process.children(recursive=True)))
+        memory.add_metric(
+            ["workers"], sum(_resident_bytes(p) for p in process.children(recursive=True))
+        )
         yield memory
 
 
-def _resident(process: psutil.Process) -> int:
+def _resident_bytes(process: psutil.Process) -> int:
     try:
         return int(process.memory_info().rss)
     except psutil.NoSuchProcess:

@@ -1,4 +1,4 @@
-"""The listener of the jobs that logs, counts and traces those that end."""
+"""Logs, metrics and spans of the jobs that end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """A JobListener; it traces when spans are configured."""
+    """JobListener that records ends; spans only if MPE_OTLP_ENDPOINT is set."""
 
     metrics: Metrics
     tracing: Tracing | None
@@ -34,6 +34,6 @@ class Telemetry:
             self.tracing.ended(job)
 
     def close(self) -> None:
-        """Export what is left."""
+        """Export the spans that are left."""
         if self.tracing is not None:
             self.tracing.close()

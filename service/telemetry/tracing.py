@@ -1,4 +1,4 @@
-"""Spans of each registration, exported by OTLP when MPE_OTLP_ENDPOINT says where to."""
+"""Spans of each registration, exported by OTLP to MPE_OTLP_ENDPOINT."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ STAGES = ("fetch_s", "decode_s", "prepare_s", "search_s", "refine_s", "inliers_s
 
 
 class Tracing:
-    """Exports spans in the background; needs the extra `telemetry`."""
+    """Export spans in the background; needs the extra `telemetry`."""
 
     def __init__(self, endpoint: str) -> None:
         self._provider = _provider(endpoint)
         self._tracer = self._provider.get_tracer("mpe")
 
     def ended(self, job: JobRow) -> None:
-        """One span for the job, below it one for the wait and one for each stage, end to end."""
+        """Record a span of the job, with children for the time in the queue and each stage."""
         from opentelemetry import trace
 
         assert job.started_at is not None  # noqa: S101
@@ -41,7 +41,7 @@ class Tracing:
         root.end(_nanoseconds(job.finished_at))
 
     def close(self) -> None:
-        """Export what is left."""
+        """Export the spans that are left."""
         self._provider.shutdown()
 
 
@@ -52,7 +52,9 @@ def _provider(endpoint: str) -> TracerProvider:
         from opentelemetry.sdk.trace import TracerProvider
         from opentelemetry.sdk.trace.export import BatchSpanProcessor
     except ImportError as error:
-        raise RuntimeError("MPE_OTLP_ENDPOINT is set: pip install 'mpe[telemetry]'") from error
+        raise RuntimeError(
+            "MPE_OTLP_ENDPOINT needs the extra telemetry: pip install 'mpe[telemetry]'"
+        ) from error
     provider = TracerProvider(resource=Resource.create({"service.name": "mpe"}))
     provider.add_span_processor(BatchSpanProcessor(OTLPSpanExporter(endpoint)))
     return provider

@@ -1,0 +1,1 @@
+"""Callbacks at the end of registrations."""

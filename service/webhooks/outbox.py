@@ -1,4 +1,4 @@
-"""Calls to a caller's URL, planned with the end of its job and kept until they come through."""
+"""Outbox of callbacks: planned in the transaction that ends a job, kept until delivered."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from service.database.tables import deliveries, jobs
 from service.jobs.events import plan_delivery
 from service.jobs.model import TERMINAL_STATUSES, DeliveryStatus
 
-SENDING_S = 60.0
-"""A try that has not ended within this time is made again: who made it was killed."""
+SENDING_TIMEOUT_S = 60.0
+"""Seconds after which an unfinished attempt is repeated: its process must have been killed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Delivery:
-    """One message, and each try to bring it; times in seconds since the epoch, UTC."""
+class DeliveryRow:
+    """One message and the attempts to deliver it; times in seconds since the epoch, UTC."""
 
     id: str
     job_id: str
     status: DeliveryStatus
     created_at: float
     next_at: float | None
+    """When the next attempt is due; while sending, when the attempt counts as lost."""
     tries: list[dict[str, Any]]
 
 
@@ -35,21 +36,21 @@ class Outbox:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def of_job(self, job_id: str) -> list[Delivery]:
-        """The job's deliveries, oldest first."""
+    def of_job(self, job_id: str) -> list[DeliveryRow]:
+        """Return the deliveries of a job, oldest first."""
         query = select(deliveries).where(deliveries.c.job_id == job_id)
         with self._database.read() as connection:
             rows = connection.execute(query.order_by(deliveries.c.created_at))
             return [_delivery(row) for row in rows]
 
     def replay(self, job_id: str) -> str | None:
-        """Plan the message once more; None when the job has not ended or has no callback."""
+        """Plan another delivery; None when the job has not ended or has no callback."""
         ended = and_(jobs.c.status.in_(TERMINAL_STATUSES), jobs.c.callback_url.is_not(None))
         with self._database.write() as connection:
             return plan_delivery(connection, select(jobs.c.id).where(jobs.c.id == job_id, ended))
 
-    def claim(self) -> Delivery | None:
-        """Take the delivery that is due longest; None when none is due."""
+    def claim(self) -> DeliveryRow | None:
+        """Take the delivery that has been due longest; None when none is due."""
         now = time.time()
         unfinished = deliveries.c.status.in_(("pending", "sending"))
         due = and_(unfinished, deliveries.c.next_at <= now)
@@ -62,7 +63,7 @@ class Outbox:
             .scalar_subquery()
         )
         take = update(deliveries).where(deliveries.c.id == first, due)
-        take = take.values(status="sending", next_at=now + SENDING_S)
+        take = take.values(status="sending", next_at=now + SENDING_TIMEOUT_S)
         with self._database.read() as connection:
             if connection.execute(select(deliveries.c.id).where(due).limit(1)).first() is None:
                 return None
@@ -70,21 +71,20 @@ class Outbox:
             row = connection.execute(take.returning(deliveries)).one_or_none()
         return None if row is None else _delivery(row)
 
-    def tried(
+    def record_attempt(
         self,
-        delivery: Delivery,
-        tried: dict[str, Any],
+        delivery: DeliveryRow,
+        attempt: dict[str, Any],
         status: DeliveryStatus,
         next_at: float | None,
     ) -> None:
-        """Record a try and what follows from it, unless another try was begun meanwhile."""
-        values = {"status": status, "next_at": next_at, "tries": [*delivery.tries, tried]}
-        mine = and_(deliveries.c.id == delivery.id, deliveries.c.next_at == delivery.next_at)
-        record = update(deliveries).where(mine).values(**values)
+        """Record an attempt and its outcome, unless another attempt has begun since `claim`."""
+        values = {"status": status, "next_at": next_at, "tries": [*delivery.tries, attempt]}
+        is_current = and_(deliveries.c.id == delivery.id, deliveries.c.next_at == delivery.next_at)
         with self._database.write() as connection:
-            connection.execute(record)
+            connection.execute(update(deliveries).where(is_current).values(**values))
 
-    def release(self) -> None:
+    def requeue_interrupted(self) -> None:
         """Make the deliveries that a killed process was sending due again."""
         cutoff = self._database.orphan_cutoff()
         interrupted = update(deliveries).where(
@@ -94,5 +94,5 @@ class Outbox:
             connection.execute(interrupted.values(status="pending", next_at=time.time()))
 
 
-def _delivery(row: Row[Any]) -> Delivery:
-    return Delivery(**row._mapping)
+def _delivery(row: Row[Any]) -> DeliveryRow:
+    return DeliveryRow(**row._mapping)

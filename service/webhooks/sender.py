@@ -1,4 +1,4 @@
-"""Sends the deliveries that are due, signed, until each has come through or tries are used up."""
+"""Threads that send the deliveries that are due, signed as standardwebhooks.com specifies."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import logging
 import random
 import threading
 import time
+from http import HTTPStatus
 from typing import Any
 
 from service.jobs.model import JobRow
@@ -18,105 +19,122 @@ from service.outbound import (
     OutboundClient,
     TransferDeadline,
     TransferLimits,
-    callback_rules,
+    callback_policy,
     parse_url,
 )
 from service.problems import ServiceError
 from service.schemas.serialize_job import summarize_job
 from service.settings import Settings
-from service.webhooks.outbox import Delivery, Outbox
+from service.webhooks.outbox import DeliveryRow, Outbox
 
-SENDERS = 4
-POLL_S = 0.5
-BOUNDS = TransferLimits(total_s=10, stall_s=10)
-MAX_DELAY_S = 3600.0
+THREADS = 4
+POLL_INTERVAL_S = 0.5
+LIMITS = TransferLimits(total_s=10, read_timeout_s=10)
+MAX_BACKOFF_S = 3600.0
+JITTER = (0.8, 1.2)
+"""Range of the random factor of each pause, so that not all callbacks are repeated at once."""
 
 log = logging.getLogger(__name__)
 
 
-def sign(secret: bytes, delivery_id: str, timestamp: int, body: bytes) -> str:
-    """Signature in the form of standardwebhooks.com: base64 of HMAC-SHA256 over id.time.body."""
+def sign(key: bytes, delivery_id: str, timestamp: int, body: bytes) -> str:
+    """Return the value of the Webhook-Signature header.
+
+    Parameters
+    ----------
+    key : bytes
+        Key of the HMAC; of a secret `whsec_...`, what its base64 decodes to.
+    delivery_id : str
+        Value of the Webhook-Id header.
+    timestamp : int
+        Value of the Webhook-Timestamp header, in seconds since the epoch.
+    body : bytes
+        Body of the request.
+    """
     message = f"{delivery_id}.{timestamp}.".encode() + body
-    digest = hmac.new(secret, message, hashlib.sha256).digest()
+    digest = hmac.new(key, message, hashlib.sha256).digest()
     return f"v1,{base64.b64encode(digest).decode()}"
 
 
 class WebhookSender:
-    """Threads that send what is due; nothing is lost when they are killed in the middle."""
+    """Send due deliveries until each succeeds or its attempts are used up.
 
-    def __init__(self, jobs: JobQueries, deliveries: Outbox, settings: Settings) -> None:
+    A process that is killed loses nothing: what it was sending is sent again. Deliveries therefore
+    arrive at least once.
+    """
+
+    def __init__(self, jobs: JobQueries, outbox: Outbox, settings: Settings) -> None:
         self._jobs = jobs
-        self._deliveries = deliveries
-        self._settings = settings
-        self._door = OutboundClient(callback_rules(settings))
+        self._outbox = outbox
+        self._settings = settings.webhook
+        self._client = OutboundClient(callback_policy(settings))
         self._stopping = threading.Event()
         self._threads = [
-            threading.Thread(target=self._serve, name=f"webhooks-{i}", daemon=True)
-            for i in range(SENDERS)
+            threading.Thread(target=self._run, name=f"webhooks-{i}", daemon=True)
+            for i in range(THREADS)
         ]
 
     def start(self) -> None:
-        """Begin; nothing happens unless callbacks are allowed."""
-        if self._settings.webhook_hosts:
-            self._deliveries.release()
+        """Start the threads, if callbacks are enabled."""
+        if self._settings.hosts:
+            self._outbox.requeue_interrupted()
             for thread in self._threads:
                 thread.start()
 
     def stop(self) -> None:
-        """Begin nothing more; what is being sent is sent again after the next start."""
+        """Start no further attempt; one that is interrupted is repeated after the next start."""
         self._stopping.set()
 
-    def _serve(self) -> None:
+    def _run(self) -> None:
         while not self._stopping.is_set():
             try:
-                delivery = self._deliveries.claim()
+                delivery = self._outbox.claim()
                 if delivery is None:
-                    self._stopping.wait(POLL_S)
+                    self._stopping.wait(POLL_INTERVAL_S)
                 else:
                     self._send(delivery)
             except Exception:
-                log.exception("a webhook thread met an unexpected error and goes on")
-                self._stopping.wait(POLL_S)
+                log.exception("unexpected error in a webhook thread; it continues")
+                self._stopping.wait(POLL_INTERVAL_S)
 
-    def _send(self, delivery: Delivery) -> None:
+    def _send(self, delivery: DeliveryRow) -> None:
         job = self._jobs.get_unscoped(delivery.job_id)
         if job is None:
             return  # removed meanwhile, and its deliveries with it
-        tried = self._post(delivery, job)
-        code = tried["status_code"]
-        if code is not None and 200 <= code < 300:
-            self._deliveries.tried(delivery, tried, "delivered", None)
-        elif len(delivery.tries) + 1 >= self._settings.webhook_tries:
-            self._deliveries.tried(delivery, tried, "failed", None)
+        attempt = self._post(delivery, job)
+        code = attempt["status_code"]
+        if code is not None and HTTPStatus.OK <= code < HTTPStatus.MULTIPLE_CHOICES:
+            self._outbox.record_attempt(delivery, attempt, "delivered", None)
+        elif len(delivery.tries) + 1 >= self._settings.max_attempts:
+            self._outbox.record_attempt(delivery, attempt, "failed", None)
         else:
-            next_at = time.time() + self._delay(len(delivery.tries))
-            self._deliveries.tried(delivery, tried, "pending", next_at)
+            next_at = time.time() + self._backoff_s(len(delivery.tries))
+            self._outbox.record_attempt(delivery, attempt, "pending", next_at)
 
-    def _delay(self, tries: int) -> float:
-        """Seconds to the next try: doubled each time, and not the same for all."""
-        exact: float = min(MAX_DELAY_S, self._settings.webhook_retry_s * 2**tries)
-        return exact * random.uniform(0.8, 1.2)  # noqa: S311
+    def _backoff_s(self, attempts: int) -> float:
+        """Return the seconds until the next attempt: doubled each time, with jitter."""
+        exact: float = min(MAX_BACKOFF_S, self._settings.backoff_s * 2**attempts)
+        return exact * random.uniform(*JITTER)  # noqa: S311
 
-    def _post(self, delivery: Delivery, job: JobRow) -> dict[str, Any]:
+    def _post(self, delivery: DeliveryRow, job: JobRow) -> dict[str, Any]:
+        """Send the message once; return the attempt as it is recorded."""
         assert job.callback_url is not None  # noqa: S101
-        assert self._settings.webhook_secret is not None  # noqa: S101
         now = time.time()
         event = {
             "type": f"registration.{job.status}",
             "data": summarize_job(job).model_dump(mode="json"),
         }
         body = json.dumps(event).encode()
-        secret = self._settings.webhook_secret.get_secret_value().encode()
         headers = {
             "Content-Type": "application/json",
             "Webhook-Id": delivery.id,
             "Webhook-Timestamp": str(int(now)),
-            "Webhook-Signature": sign(secret, delivery.id, int(now), body),
+            "Webhook-Signature": sign(self._settings.signing_key, delivery.id, int(now), body),
         }
         try:
-            url, watch = parse_url(job.callback_url), TransferDeadline(BOUNDS)
-            # the answer's body is of no interest, and may be endless
-            with self._door.call("POST", url, watch, headers=headers, content=body) as answer:
-                return {"at": now, "status_code": answer.status, "error": None}
+            url, deadline = parse_url(job.callback_url), TransferDeadline(LIMITS)
+            # the response's body is not needed, and may be endless
+            with self._client.request("POST", url, deadline, headers=headers, content=body) as got:
+                return {"at": now, "status_code": got.status, "error": None}
         except ServiceError as error:
             return {"at": now, "status_code": None, "error": str(error)}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from service.clouds.inputs import CloudInput
-from service.outbound import FetchRules, HttpCache, fetch
+from service.outbound import FetchPolicy, HttpCache, fetch
 from service.outbound.errors import AddressRefusedError, FetchError
 from service.storage.blobs import BlobStore
 from service.workers.messages import Fetched, StoredBlob
@@ -27,7 +27,7 @@ class FetchInputs(Task):
 
     source: CloudInput
     target: CloudInput
-    rules: FetchRules
+    policy: FetchPolicy
 
     def perform(self, report: ProgressReport) -> Fetched:
         """Fetch and store the clouds.
@@ -53,7 +53,7 @@ class FetchInputs(Task):
         blobs = BlobStore(environment.data_dir, incoming=environment.scratch)
         cache = HttpCache(environment.data_dir, blobs, environment.tenant)
         try:
-            blob = fetch(cloud.url, self.rules, blobs, cache)
+            blob = fetch(cloud.url, self.policy, blobs, cache)
         except (AddressRefusedError, FetchError) as error:
             raise type(error)(f"{role}: {error}") from error
         return StoredBlob(blob.sha256, blob.size)

@@ -13,7 +13,7 @@ from service.clouds.inputs import CloudInput
 from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
 from service.jobs.transitions import JobTransitions
-from service.outbound import FetchRules
+from service.outbound import FetchPolicy
 from service.problems import DeadlineError, JobTimeoutError, NotReadyError, error_document
 from service.settings import Settings
 from service.storage.blobs import BlobStore
@@ -75,8 +75,8 @@ class AttemptSupervisor:
         )
         limit = self._time_limit(job)
         if needs_fetching(job.source) or needs_fetching(job.target):
-            rules = FetchRules.of(self.settings)
-            fetch = FetchInputs(environment, job.source, job.target, rules)
+            policy = FetchPolicy.of(self.settings)
+            fetch = FetchInputs(environment, job.source, job.target, policy)
             fetched_job = self._record_fetched(job, self._perform(job, fetch, limit))
             if fetched_job is None:
                 return

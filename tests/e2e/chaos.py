@@ -34,9 +34,9 @@ SETTINGS = {
     "webhook_hosts": "127.0.0.1",
     "webhook_secret": "chaos",
     "private_networks": "127.0.0.0/8",
-    "webhook_retry_s": 0.2,
+    "webhook_backoff_s": 0.2,
     "blob_grace_s": 20,
-    "upkeep_interval_s": 0.5,
+    "maintenance_interval_s": 0.5,
 }
 TARGET = arms(0)
 BAD_EVERY = 10

@@ -25,7 +25,7 @@ TURN = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """Its upkeep looks all the time for files that nobody needs."""
-    with running_server(tmp_path_factory.mktemp("server"), upkeep_interval_s=0.05) as running:
+    with running_server(tmp_path_factory.mktemp("server"), maintenance_interval_s=0.05) as running:
         yield running
 
 

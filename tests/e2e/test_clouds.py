@@ -200,7 +200,7 @@ def forgetful(tmp_path: Path) -> Iterator[Server]:
         upload_retention_s=1,
         cloud_retention_s=1,
         blob_grace_s=2,
-        upkeep_interval_s=0.2,
+        maintenance_interval_s=0.2,
     ) as server:
         yield server
 

@@ -127,7 +127,7 @@ def test_too_little_disk_or_memory(tmp_path: Path, resource: str) -> None:
 
 
 def test_results_and_files_are_dropped_in_time(tmp_path: Path) -> None:
-    soon = {"result_retention_s": 3, "blob_grace_s": 2, "upkeep_interval_s": 0.2}
+    soon = {"result_retention_s": 3, "blob_grace_s": 2, "maintenance_interval_s": 0.2}
     with running_server(tmp_path, **soon) as server:
         job = register(server)
         url = f"/v1/registrations/{job['id']}"
@@ -138,7 +138,7 @@ def test_results_and_files_are_dropped_in_time(tmp_path: Path) -> None:
 
 
 def test_jobs_are_dropped_in_time(tmp_path: Path) -> None:
-    soon = {"result_retention_s": 1, "job_retention_s": 1, "upkeep_interval_s": 0.2}
+    soon = {"result_retention_s": 1, "job_retention_s": 1, "maintenance_interval_s": 0.2}
     with running_server(tmp_path, **soon) as server:
         job = server.submit(CLOUD, CLOUD).json()
         gone = until(lambda: _with_status(server.client, f"/v1/registrations/{job['id']}", 404))

@@ -131,12 +131,14 @@ def test_no_address_of_others_without_keys(tmp_path: Path) -> None:
     done = mpe(tmp_path, "serve", "--host", "0.0.0.0", "--port", str(port))
     assert done.returncode == 2
     assert "mpe keys create" in done.stderr
-    assert "MPE_ALLOW_OPEN=true" in done.stderr
+    assert "MPE_ALLOW_ANONYMOUS_REMOTE=true" in done.stderr
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", port))
 
 
-@pytest.mark.parametrize("settings", [{}, {"allow_open": True}], ids=["a key", "told to"])
+@pytest.mark.parametrize(
+    "settings", [{}, {"allow_anonymous_remote": True}], ids=["a key", "told to"]
+)
 def test_an_address_of_others_with_a_key_or_when_told_to(
     tmp_path: Path, settings: dict[str, object]
 ) -> None:

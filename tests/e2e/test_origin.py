@@ -31,7 +31,7 @@ def named(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     directory = tmp_path_factory.mktemp("named")
     names = "mpe, Scans.example.org"
     with running_server(
-        directory, allow_open=True, allowed_hosts=names, cors_origins=PAGE, workers=1
+        directory, allow_anonymous_remote=True, allowed_hosts=names, cors_origins=PAGE, workers=1
     ) as server:
         yield server
 

@@ -32,10 +32,10 @@ def receiver() -> Iterator[Receiver]:
 
 @pytest.fixture(scope="module")
 def settings(postgres: Postgres, receiver: Receiver) -> dict[str, object]:
-    hooks = {"webhook_hosts": "127.0.0.1", "webhook_secret": "ebb", "webhook_retry_s": 0.1}
+    hooks = {"webhook_hosts": "127.0.0.1", "webhook_secret": "ebb", "webhook_backoff_s": 0.1}
     hooks["private_networks"] = "127.0.0.0/8"
     database_url = postgres.new_database()
-    return {**hooks, "database_url": database_url, "workers": 1, "upkeep_interval_s": 1}
+    return {**hooks, "database_url": database_url, "workers": 1, "maintenance_interval_s": 1}
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def _settled_worker(server: Server) -> psutil.Process | None:
 def test_it_goes_on_when_the_database_comes_back(postgres: Postgres, tmp_path: Path) -> None:
     with running_postgres(postgres.programs) as own:
         url = own.new_database()
-        with running_server(tmp_path, database_url=url, upkeep_interval_s=1) as server:
+        with running_server(tmp_path, database_url=url, maintenance_interval_s=1) as server:
             first = submit_numbered(server, 1)
             assert finished(server.client, first)["status"] == "succeeded"
             cloud = as_npy(arms(8, 100_000))

@@ -74,7 +74,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         private_networks="127.0.0.0/8",
         webhook_hosts="127.0.0.1",
         webhook_secret=WEBHOOK_SECRET,
-        webhook_retry_s=0.2,
+        webhook_backoff_s=0.2,
     ) as running:
         yield running
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 import trustme
 
-from service.outbound import FetchRules, check_source
+from service.outbound import FetchPolicy, check_source
 from service.outbound.errors import AddressRefusedError
-from service.settings import Settings
+from service.settings import S3Settings, Settings, UrlSettings
 from tests.factories.scans_online import post, scans_online
 from tests.factories.server import Server, running_server
 from tests.factories.web import Web, serving
@@ -40,7 +40,7 @@ def impatient(tmp_path_factory: pytest.TempPathFactory, web: Web) -> Iterator[Se
         url_hosts="127.0.0.1, nobody.invalid",
         url_ports=web.server_port,
         private_networks="127.0.0.0/8",
-        url_stall_s=1,
+        url_read_timeout_s=1,
     ) as server:
         yield server
 
@@ -150,7 +150,8 @@ def test_hosts_and_ports_can_be_limited(impatient: Server, web: Web, url: str, w
 
 
 def test_fetching_can_be_turned_off() -> None:
-    rules = FetchRules.of(Settings(url_fetching=False, s3_buckets=("scans",)))
+    settings = Settings(url=UrlSettings(fetching=False), s3=S3Settings(buckets=("scans",)))
+    policy = FetchPolicy.of(settings)
     for url in ("https://example.org/", "s3://scans/a"):
         with pytest.raises(AddressRefusedError, match="MPE_URL_FETCHING"):
-            check_source(url, rules)
+            check_source(url, policy)

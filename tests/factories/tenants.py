@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import httpx
 
-from service.auth.keys import KeyStore, Limits
+from service.auth.keys import KeyLimits, KeyStore
 from service.database.engine import open_database
 from service.settings import Settings
 from tests.factories.server import CALL_S, Server
@@ -33,7 +33,7 @@ def new_key(
 ) -> str:
     """A key, without limits unless they are given; None: as the server's settings say."""
     with keys_of(server) as keys:
-        return keys.create(tenant, "test", Limits(requests_per_s, queue_limit, stored_bytes))
+        return keys.create(tenant, "test", KeyLimits(requests_per_s, queue_limit, stored_bytes))
 
 
 def revoke(server: Server, key: str) -> None:

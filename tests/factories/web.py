@@ -14,12 +14,15 @@ from ipaddress import ip_network
 from typing import Any
 
 from service.outbound.url_policy import UrlPolicy
+from service.storage.blobs import Blob
 
 LOOPBACK = (ip_network("127.0.0.0/8"), ip_network("::1/128"))
 OPEN = UrlPolicy(networks=LOOPBACK)
 """Everything public, and this machine, which stands for the public network in these tests."""
 CONTENT = bytes(range(256)) * 400
 
+Fetch = Callable[..., Blob]
+"""The fixture `fetch`: downloads a URL."""
 Behaviour = Callable[["Handler"], None]
 
 

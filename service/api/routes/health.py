@@ -60,7 +60,7 @@ def capacity(runtime: CurrentRuntime, caller: CurrentCaller) -> Capacity:
             requests_per_s=limits.requests_per_s,
             queued=runtime.jobs.count("queued", caller.tenant),
             queue_limit=limits.queue_limit,
-            stored_bytes=runtime.storage_quota.stored(caller.tenant),
+            stored_bytes=runtime.storage_quota.used(caller.tenant),
             stored_bytes_limit=limits.stored_bytes,
         ),
     )

@@ -1,125 +1,83 @@
-"""Keys, the gate and the rate limit, where no server is needed to see what they do."""
+"""Who the caller of a request is."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from service.auth.authenticator import ANONYMOUS, Authenticator, Caller
-from service.auth.bind_check import UnprotectedBindError, check_binding, is_loopback
-from service.auth.keys import KeyStore, Limits, split_key
-from service.auth.rate_limit import RateLimiter
-from service.database.engine import Database, open_database
-from service.problems import RateLimitedError, UnauthorizedError
-from service.settings import Settings
+from service.auth.authenticator import ANONYMOUS, Authenticator, limits_in_force
+from service.auth.keys import KeyLimits, KeyStore
+from service.problems import UnauthorizedError
+from service.settings import KeySettings, Settings
 
 
-@pytest.fixture
-def settings(tmp_path: Path) -> Settings:
-    return Settings(data_dir=tmp_path, key_requests_per_s=5, key_queue_limit=7, key_stored_bytes=0)
+@pytest.mark.parametrize(
+    ("own", "in_force"),
+    [
+        (KeyLimits(), KeyLimits(5, 7, None)),
+        (KeyLimits(2, 0, 10), KeyLimits(2, None, 10)),
+        (KeyLimits(0, None, 0), KeyLimits(None, 7, None)),
+    ],
+)
+def test_limits_of_a_key_precede_the_defaults_and_0_is_unlimited(
+    own: KeyLimits, in_force: KeyLimits
+) -> None:
+    defaults = KeySettings(requests_per_s=5, queue_limit=7, stored_bytes=0)
+    assert limits_in_force(own, defaults) == in_force
 
 
-@pytest.fixture
-def database(settings: Settings) -> Database:
-    return open_database(settings.store_url)
+def test_a_key_names_its_tenant(keys: KeyStore, settings: Settings) -> None:
+    key = keys.create("lab", "", KeyLimits(2, 0, 10))
+    caller = Authenticator(keys, settings).authenticate([f"bearer {key}"])
+    assert (caller.tenant, caller.limits) == ("lab", KeyLimits(2, None, 10))
 
 
-@pytest.fixture
-def keys(database: Database) -> KeyStore:
-    return KeyStore(database)
-
-
-@pytest.mark.parametrize("name", ["../etc", "", "a b", ".", "-x", "a" * 65, "\u00e9", "a\n"])
-def test_a_tenant_has_a_plain_name(keys: KeyStore, name: str) -> None:
-    with pytest.raises(ValueError, match="letters"):
-        keys.create(name, "", Limits())
-    assert keys.all() == []
-
-
-def test_keys_are_long_and_never_the_same(keys: KeyStore) -> None:
-    made = [keys.create("lab", "", Limits()) for _ in range(20)]
-    secrets = [found[1] for key in made if (found := split_key(key))]
-    assert len(set(secrets)) == 20
-    assert {len(secret) for secret in secrets} == {43}  # 256 bits, six in a letter
-
-
-def test_limits_of_a_key_go_before_those_of_the_settings(
+def test_a_valid_key_is_cached_and_a_wrong_secret_is_not(
     keys: KeyStore, settings: Settings
 ) -> None:
-    gate = Authenticator(keys, settings)
-
-    def limits(own: Limits) -> Limits:
-        return gate.identified([f"Bearer {keys.create('lab', '', own)}"]).limits
-
-    assert limits(Limits()) == Limits(5, 7, None)
-    assert limits(Limits(2, 0, 10)) == Limits(2, None, 10)
-
-
-def test_a_valid_key_is_remembered_and_a_wrong_secret_is_not(
-    keys: KeyStore, settings: Settings
-) -> None:
-    gate = Authenticator(keys, settings)
-    given = [f"Bearer {keys.create('lab', '', Limits())}"]
-    assert gate.remembered(given) is None
-    caller = gate.identified(given)
-    assert gate.remembered(given) == caller
+    authenticator = Authenticator(keys, settings)
+    given = [f"Bearer {keys.create('lab', '', KeyLimits())}"]
+    assert authenticator.from_cache(given) is None
+    caller = authenticator.authenticate(given)
+    assert authenticator.from_cache(given) == caller
     wrong = [given[0][:-1] + ("b" if given[0].endswith("a") else "a")]
     with pytest.raises(UnauthorizedError):
-        gate.remembered(wrong)
+        authenticator.from_cache(wrong)
     with pytest.raises(UnauthorizedError):
-        gate.identified(wrong)
+        authenticator.authenticate(wrong)
 
 
-def test_open_until_the_first_key_and_never_again(keys: KeyStore, settings: Settings) -> None:
-    assert Authenticator(keys, settings).identified([]) == ANONYMOUS
-    key = keys.create("lab", "", Limits())
-    assert keys.revoke(key.split("_")[1])
-    with pytest.raises(UnauthorizedError):
-        Authenticator(keys, settings).identified([])
-
-
-@pytest.mark.parametrize("rate", [0.5, 1, 7, 100])
-def test_as_many_at_once_as_in_a_second(rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_revoked_key_is_refused_once_the_cache_has_expired(
+    keys: KeyStore, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now = 1000.0
-    monkeypatch.setattr("service.auth.rate_limit.time.monotonic", lambda: now)
-    limit, caller = RateLimiter(), Caller("lab", Limits(rate), "key")
-
-    def passed(tries: int) -> int:
-        return sum(_passes(limit, caller) for _ in range(tries))
-
-    assert passed(300) == max(1, rate)
-    now += 10
-    assert passed(300) == max(1, rate)
-    now += 1 / rate
-    assert passed(300) == 1
-    evenly = 0
-    for _ in range(100):
-        now += 1.000001 / rate
-        evenly += passed(1)
-    assert evenly == 100
+    monkeypatch.setattr("service.auth.authenticator.time.monotonic", lambda: now)
+    authenticator = Authenticator(keys, settings)
+    key = keys.create("lab", "", KeyLimits())
+    authenticator.authenticate([f"Bearer {key}"])
+    keys.revoke(key.split("_")[1])
+    assert authenticator.from_cache([f"Bearer {key}"]) is not None
+    now += 1
+    assert authenticator.from_cache([f"Bearer {key}"]) is None
+    with pytest.raises(UnauthorizedError):
+        authenticator.authenticate([f"Bearer {key}"])
 
 
-def _passes(limit: RateLimiter, caller: Caller) -> bool:
-    try:
-        limit.count(caller)
-    except RateLimitedError as error:
-        return not error.headers["Retry-After"].isdigit()
-    return True
+def test_anonymous_until_the_first_key_and_never_again(keys: KeyStore, settings: Settings) -> None:
+    assert Authenticator(keys, settings).authenticate([]) == ANONYMOUS
+    key = keys.create("lab", "", KeyLimits())
+    assert keys.revoke(key.split("_")[1])
+    with pytest.raises(UnauthorizedError) as refused:
+        Authenticator(keys, settings).authenticate([])
+    assert refused.value.headers == {"WWW-Authenticate": 'Bearer realm="mpe"'}
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost", "127.8.0.1"])
-def test_this_machine_alone(host: str, settings: Settings) -> None:
-    assert is_loopback(host)
-    check_binding(host, settings)
-
-
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.7", "no-such-host.invalid"])
-def test_what_others_may_reach(host: str, settings: Settings, keys: KeyStore) -> None:
-    assert not is_loopback(host)
-    with pytest.raises(UnprotectedBindError, match=r"mpe keys create.*MPE_ALLOW_OPEN=true"):
-        check_binding(host, settings)
-    for told in ("allow_open", "require_keys"):
-        check_binding(host, settings.model_copy(update={told: True}))
-    keys.create("lab", "", Limits())
-    check_binding(host, settings)
+@pytest.mark.parametrize(
+    "headers", [["Bearer"], ["Basic {key}"], ["Bearer {key}", "Bearer {key}"], ["{key}"], [""]]
+)
+def test_another_form_of_the_header_is_refused(
+    headers: list[str], keys: KeyStore, settings: Settings
+) -> None:
+    key = keys.create("lab", "", KeyLimits())
+    with pytest.raises(UnauthorizedError) as refused:
+        Authenticator(keys, settings).authenticate([text.format(key=key) for text in headers])
+    assert "invalid_token" in refused.value.headers["WWW-Authenticate"]

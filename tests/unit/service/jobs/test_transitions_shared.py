@@ -88,7 +88,7 @@ def test_what_a_killed_sender_had_begun_is_sent_again(
     first, second = (Outbox(database) for database in databases)
     assert first.claim() is not None
     assert second.claim() is None
-    monkeypatch.setattr(deliveries, "SENDING_S", -deliveries.SENDING_S)
+    monkeypatch.setattr(deliveries, "SENDING_TIMEOUT_S", -deliveries.SENDING_TIMEOUT_S)
     add(stores[0], callback_url="http://there/hook")
     stores[0].fail(claim(stores[0]), {"detail": "x"}, {})
     slow = first.claim()
@@ -96,7 +96,7 @@ def test_what_a_killed_sender_had_begun_is_sent_again(
     again = second.claim()
     assert again is not None
     assert again.id == slow.id
-    first.tried(slow, {"at": 1.0}, "failed", None)  # it came too late
-    second.tried(again, {"at": 2.0}, "delivered", None)
+    first.record_attempt(slow, {"at": 1.0}, "failed", None)  # it came too late
+    second.record_attempt(again, {"at": 2.0}, "delivered", None)
     (row,) = second.of_job(slow.job_id)
     assert (row.status, row.tries) == ("delivered", [{"at": 2.0}])

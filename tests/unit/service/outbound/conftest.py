@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferLimits
-from service.outbound.download import Download
+from service.outbound.download import download
 from service.outbound.http_cache import HttpCache
 from service.outbound.url_policy import UrlPolicy
 from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
-from tests.factories.web import OPEN, Names, Web, serving
-
-Fetch = Callable[..., Blob]
+from tests.factories.web import OPEN, Fetch, Names, Web, serving
 
 
 @pytest.fixture
@@ -41,18 +39,18 @@ def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
 
     def fetched(
         url: str,
-        rules: UrlPolicy = OPEN,
+        policy: UrlPolicy = OPEN,
         *,
         tenant: str = "",
         max_bytes: int = 10**6,
         total_s: float = 60,
-        stall_s: float = 30,
-        min_bytes_s: float = 0,
+        read_timeout_s: float = 30,
+        min_bytes_per_s: float = 0,
         tls: object = None,
     ) -> Blob:
-        known = HttpCache(tmp_path, blobs, tenant)
-        bounds = TransferLimits(total_s, stall_s, min_bytes_s)
-        door = OutboundClient(rules, resolve=names, tls=tls)
-        return Download(door, blobs, known, bounds=bounds, max_bytes=max_bytes).run(parse_url(url))
+        limits = TransferLimits(total_s, read_timeout_s, min_bytes_per_s)
+        client = OutboundClient(policy, resolve=names, tls=tls)
+        cache = HttpCache(tmp_path, blobs, tenant)
+        return download(client, parse_url(url), blobs, cache, limits=limits, max_bytes=max_bytes)
 
     return fetched

@@ -20,8 +20,7 @@ from service.outbound.errors import (
 )
 from service.outbound.url_policy import UrlPolicy
 from service.storage.blobs import BlobStore
-from tests.factories.web import CONTENT, LOOPBACK, Handler, Names, Web, serving
-from tests.unit.service.outbound.conftest import Fetch
+from tests.factories.web import CONTENT, LOOPBACK, Fetch, Handler, Names, Web, serving
 
 SECRET = "X-Amz-Signature=0123456789abcdef"
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -193,8 +192,8 @@ SLOW = [drip_head, drip_body, drip_chunks, go_on_and_on]
 @pytest.mark.parametrize("behaviour", SLOW)
 def test_a_slow_drip_is_too_slow(behaviour: object, web: Web, fetch: Fetch) -> None:
     web.behaviours["/slow"] = behaviour  # type: ignore[assignment]
-    with pytest.raises(FetchTooSlowError, match=r"bytes a second|go on, in time"):
-        fetch(web.url("/slow"), stall_s=0.3, min_bytes_s=10_000)
+    with pytest.raises(FetchTooSlowError, match=r"bytes per second|send on in time"):
+        fetch(web.url("/slow"), read_timeout_s=0.3, min_bytes_per_s=10_000)
 
 
 @pytest.mark.parametrize("behaviour", SLOW)
@@ -218,7 +217,7 @@ def silent_after_the_head(handler: Handler) -> None:
 def test_a_server_that_falls_silent_is_left(behaviour: object, web: Web, fetch: Fetch) -> None:
     web.behaviours["/silent"] = behaviour  # type: ignore[assignment]
     with pytest.raises(FetchTooSlowError):
-        fetch(web.url("/silent"), stall_s=0.3)
+        fetch(web.url("/silent"), read_timeout_s=0.3)
 
 
 def test_a_gzipped_answer_is_stored_as_it_comes(web: Web, fetch: Fetch, blobs: BlobStore) -> None:

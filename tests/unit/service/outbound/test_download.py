@@ -7,10 +7,9 @@ import hashlib
 import pytest
 
 from service.outbound.errors import FetchCutError, FetchStatusError, FetchTooLargeError
-from service.outbound.http_cache import prune_http_cache
+from service.outbound.http_cache import prune
 from service.storage.blobs import BlobStore
-from tests.factories.web import CONTENT, Handler, Names, Web
-from tests.unit.service.outbound.conftest import Fetch
+from tests.factories.web import CONTENT, Fetch, Handler, Names, Web
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 THEN, NOW = "Mon, 02 Nov 2026 10:00:00 GMT", "Sun, 22 Nov 2026 10:00:00 GMT"
@@ -131,10 +130,10 @@ def test_what_is_known_of_removed_files_is_forgotten(
     blob = fetch(web.url("/file?X-Amz-Signature=secret"))
     (said,) = (blobs.root / "fetched").iterdir()
     assert "secret" not in said.read_text() + said.name
-    prune_http_cache(blobs.root, blobs)
+    prune(blobs.root, blobs)
     assert said.exists()
     blobs.path(blob.sha256).unlink()
-    prune_http_cache(blobs.root, blobs)
+    prune(blobs.root, blobs)
     assert not said.exists()
 
 

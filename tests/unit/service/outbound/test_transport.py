@@ -9,8 +9,7 @@ import pytest
 import trustme
 
 from service.outbound.errors import AddressRefusedError, FetchTlsError
-from tests.factories.web import CONTENT, Web, serving
-from tests.unit.service.outbound.conftest import Fetch
+from tests.factories.web import CONTENT, Fetch, Web, serving
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 

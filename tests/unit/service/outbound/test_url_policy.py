@@ -10,8 +10,7 @@ from service.outbound.errors import AddressRefusedError
 from service.outbound.ip_policy import METADATA
 from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
-from tests.factories.web import OPEN, Names, Web, serving
-from tests.unit.service.outbound.conftest import Fetch
+from tests.factories.web import OPEN, Fetch, Names, Web, serving
 
 MISSPELT = [
     "",
