@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as SciPyRotation
 
 from mpe_core import Inliers, Registration
 from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, Rotation
@@ -22,6 +21,9 @@ ROWS_PER_CHUNK = 50_000
 
 def render_result(found: Registration) -> bytes:
     """Render the `result` of a job as JSON."""
+    # imported here: the service process, which renders the inliers, does not load SciPy (30 MB)
+    from scipy.spatial.transform import Rotation as SciPyRotation
+
     T = found.T_target_source
     rotation = SciPyRotation.from_matrix(T[:3, :3])
     return (

@@ -15,7 +15,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from service.workers.child_main import child_main
-from service.workers.messages import MAX_MESSAGE_BYTES, Message, MessageError, Ready, decode
+from service.workers.messages import Message, MessageError, Ready
+from service.workers.pipe import MessageReader
 from service.workers.task import Task
 
 START_TIMEOUT_S = 120.0
@@ -27,7 +28,6 @@ START_PAUSE_S = 0.05
 FORKSERVER_GONE = 255
 """Exit code that multiprocessing reports when the forkserver ended before the child."""
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-_READ_BYTES = 1 << 16
 
 _context = multiprocessing.get_context("forkserver")
 # multiprocessing polls and closes processes of all threads in start(): one thread at a time
@@ -71,7 +71,7 @@ class Child:
     def __init__(self) -> None:
         ours, theirs = multiprocessing.Pipe()
         self._connection: Connection = ours
-        self._received = bytearray()
+        self._reader = MessageReader(ours)
         self._process = _context.Process(target=child_main, args=(theirs,))
         self._is_closed = False
         self._is_ready = False
@@ -106,26 +106,17 @@ class Child:
     def receive(self, timeout_s: float) -> Message | None:
         """Return the next message, or None after the timeout.
 
-        Never waits longer for a child that sends half a message.
-
         Raises
         ------
         ChildLostError
             The child ended, or what it sent is no valid message.
         """
-        deadline = time.monotonic() + timeout_s
-        while b"\n" not in self._received:
-            if len(self._received) > MAX_MESSAGE_BYTES:
-                raise ChildLostError(f"it sent a message of more than {MAX_MESSAGE_BYTES} bytes")
-            if not self._connection.poll(max(0.0, deadline - time.monotonic())):
-                return None
-            self._received += self._read_available()
-        line, _, rest = self._received.partition(b"\n")
-        self._received = rest
         try:
-            return decode(bytes(line))
+            return self._reader.receive(timeout_s)
         except MessageError as error:
             raise ChildLostError(str(error)) from error
+        except EOFError as error:
+            raise ChildLostError(self._exit_reason()) from error
 
     def kill(self) -> None:
         """End the child and its process group at once."""
@@ -146,15 +137,6 @@ class Child:
             self._process.close()
             self._is_closed = True
         self._connection.close()
-
-    def _read_available(self) -> bytes:
-        try:
-            data = os.read(self._connection.fileno(), _READ_BYTES)
-        except OSError as error:
-            raise ChildLostError(self._exit_reason()) from error
-        if not data:
-            raise ChildLostError(self._exit_reason())
-        return data
 
     def _exit_reason(self) -> str:
         wait([self._process.sentinel], timeout=1.0)

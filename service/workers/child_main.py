@@ -15,7 +15,8 @@ from service.problems import (
     problem_type,
 )
 from service.telemetry.json_logs import job_id
-from service.workers.messages import Answer, Failed, Message, Problem, Ready, clip, encode
+from service.workers.messages import Answer, Failed, Message, Problem, Ready, clip
+from service.workers.pipe import send_message
 from service.workers.progress import ProgressReport
 from service.workers.sandbox.limits import (
     BUSY_NAME,
@@ -80,7 +81,6 @@ def answer_task(task: Task, report: ProgressReport) -> Answer:
 def _send(connection: Connection, message: Message) -> None:
     """Send a message; end this process when nobody listens any more."""
     try:
-        with open(connection.fileno(), "wb", closefd=False) as stream:
-            stream.write(encode(message))
+        send_message(connection, message)
     except ConnectionError:
         raise SystemExit from None
