@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from benchmarks.confidence import alignment_of, verdicts_table
+from benchmarks.confidence import pipeline_of, verdicts_table
 from benchmarks.experiment import DATA, Experiment, Result
 from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from mpe_core import register
 from mpe_core.assess.confidence import Evidence
-from mpe_core.clouds.normalize import as_pair, as_points
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.validate import validate_cloud
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, real_trial
 
@@ -40,9 +41,9 @@ def _real() -> Iterator[Result]:
         trial = real_trial(DATA, pair, seed=0)
         for noise in (CLEAN, *NOISES):
             x, y = _noisy(trial.source, trial.target, noise, rng)
-            centred, alignment = alignment_of(x, y)
-            found = alignment.polish(centred.from_caller(trial.T_target_source))
-            T = centred.to_caller(found.polished.T)
+            centred, pipeline = pipeline_of(x, y)
+            found = pipeline.refine(centred.from_caller(trial.T_target_source))
+            T = centred.to_caller(found.minimum.T)
             degrees, shift = pose_error(T, trial.T_target_source, x)
             if is_right(pair, degrees / SLACK, shift / SLACK):
                 yield _row(pair["id"], number, noise, found.evidence, right=True)
@@ -54,16 +55,16 @@ def _foreign() -> Iterator[Result]:
     for number, (name, source, target) in enumerate(impossible_pairs(IMPOSSIBLE)):
         for noise in (CLEAN, NOISES[number // 2 % len(NOISES)]):
             x, y = _noisy(source, target, noise, rng)
-            centred, alignment = alignment_of(x, y)
+            centred, pipeline = pipeline_of(x, y)
             T = centred.from_caller(register(x, y).T_target_source)
-            yield _row(name, number, noise, alignment.judge(T), right=False)
+            yield _row(name, number, noise, pipeline.scorer.score(T), right=False)
 
 
 def _noisy(
     source: Array, target: Array, noise: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Both clouds with Gaussian noise, in radii of the smaller one."""
-    unit = as_pair(as_points(source), as_points(target)).unit
+    unit = normalize_pair(validate_cloud(source), validate_cloud(target)).unit
     x, y = (
         cloud + sigma * unit * rng.normal(size=cloud.shape)
         for cloud, sigma in zip((source, target), noise, strict=True)
@@ -79,9 +80,9 @@ def _row(
 
 
 def fit(rows: list[Result]) -> list[float]:
-    """Weights of `sharp` and `near`, and the offset, of the logistic model that tells the right
-    rows from the wrong ones, a wrong one counting WRONG_COUNTS times."""
-    X = np.array([[row["sharp"], row["near"], 1.0] for row in rows])
+    """Weights of agreement and coverage, and the intercept, of the logistic model that tells right
+    rows from wrong ones, a wrong one counting WRONG_COUNTS times."""
+    X = np.array([[row["surface_agreement"], row["coverage"], 1.0] for row in rows])
     right = np.array([row["right"] for row in rows])
     weight = np.where(right, 1.0, WRONG_COUNTS)
 
@@ -101,13 +102,13 @@ def table(result: Result) -> str:
             groups[f"half {half}, {name}"] = [
                 r for r in rows if r["half"] == half and (tuple(r["noise"]) != CLEAN) == noisy
             ]
-    sharp, near, offset = result["fitted"]
+    agreement, coverage, intercept = result["fitted"]
     return (
         "The minimum next to the true pose of every pair of pairs.json, and the pose found for "
         f"{IMPOSSIBLE} impossible pairs; as they are, and with Gaussian noise of up to 0.02 radii "
         f"in one cloud or both. A logistic model, a wrong pose counting {WRONG_COUNTS:g} times, "
-        f"fitted to half 0 (every other pair, every other impossible one): {sharp} times the "
-        f"share on the surface beyond chance, {near} times the share near it, {offset}. "
+        f"fitted to half 0 (every other pair, every other impossible one): {agreement} times the "
+        f"share on the surface beyond chance, {coverage} times the share near it, {intercept}. "
         "The verdicts:\n\n" + verdicts_table(groups)
     )
 
@@ -115,7 +116,11 @@ def table(result: Result) -> str:
 def _verdict(row: Result) -> Result:
     """By the weights in use, which a test holds to the fitted ones."""
     evidence = Evidence(
-        row["near"], row["on"], row["sharp"], larger=row["larger"], free=row["free"]
+        coverage=row["coverage"],
+        on_surface_fraction=row["on_surface_fraction"],
+        surface_agreement=row["surface_agreement"],
+        size_ratio=row["size_ratio"],
+        degenerate_dof=row["degenerate_dof"],
     )
     return {"confidence": evidence.confidence, "accepted": evidence.accepted}
 

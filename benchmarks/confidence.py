@@ -19,10 +19,10 @@ from benchmarks.recall import is_right
 from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.clouds.normalize import CloudPair as Centred
-from mpe_core.clouds.normalize import as_pair, as_points
-from mpe_core.clouds.preprocess import scan
-from mpe_core.evaluator import PoseEvaluator
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply
+from mpe_core.pipeline import PosePipeline
 from mpe_core.search.pose_prior import PosePrior
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, Pair, moved, real_trial
@@ -65,23 +65,22 @@ def _foreign() -> list[Result]:
 
 def _judged(source: Array, target: Array, found: Registration) -> Result:
     """Confidence and verdict, and the evidence that they come from."""
-    pair, alignment = alignment_of(source, target)
+    pair, pipeline = pipeline_of(source, target)
     T = pair.from_caller(found.T_target_source)
     return {
         "confidence": found.confidence,
         "accepted": found.accepted,
         "ambiguous": found.ambiguous,
-        **asdict(alignment.judge(T)),
+        **asdict(pipeline.scorer.score(T)),
     }
 
 
-def alignment_of(source: Array, target: Array) -> tuple[Centred, PoseEvaluator]:
+def pipeline_of(source: Array, target: Array) -> tuple[Centred, PosePipeline]:
     """The centred clouds, and what `register` with its defaults makes of them."""
-    pair = as_pair(as_points(source), as_points(target))
+    pair = normalize_pair(validate_cloud(source), validate_cloud(target))
     options = RegistrationOptions()
-    return pair, PoseEvaluator(
-        scan(pair.source), scan(pair.target), PosePrior(), options, pair.larger
-    )
+    clouds = prepare_clouds(pair, options)
+    return pair, PosePipeline(*clouds, PosePrior(), options, pair.size_ratio)
 
 
 def _shape(shape: Callable[[np.random.Generator], Array]) -> Result:
@@ -198,9 +197,9 @@ def draw(result: Result, figure: Figure) -> None:
     rows = result["rows"]
     for right, colour in ((True, "tab:blue"), (False, "tab:red")):
         mine = [r for r in rows if r["right"] == right]
-        sharp, near = ([r[key] for r in mine] for key in ("sharp", "near"))
+        agreement, coverage = ([r[key] for r in mine] for key in ("surface_agreement", "coverage"))
         evidence.plot(
-            sharp, near, ".", color=colour, alpha=0.5, label="right" if right else "wrong"
+            agreement, coverage, ".", color=colour, alpha=0.5, label="right" if right else "wrong"
         )
     evidence.set(xlabel="on the target, of those over it", ylabel="share of near points")
     evidence.legend()

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from benchmarks.experiment import DATA, Experiment, Result, markdown
 from benchmarks.recall import is_right
 from mpe_core import register
-from mpe_core.clouds.normalize import radius
+from mpe_core.clouds.normalize import robust_radius
 from mpe_core.geometry.rigid import apply
 from mpe_core.options import ACCEPTANCE_THRESHOLD
 from tests.factories.checks import pose_error
@@ -50,7 +50,7 @@ def parts(trial: Trial) -> Iterator[tuple[int, Array]]:
     """Balls (N, 3) of the source about points drawn from it, each with its fraction."""
     rng = np.random.default_rng(0)
     tree = KDTree(trial.target[::4])
-    whole = radius(trial.target, trial.target.mean(axis=0))
+    whole = robust_radius(trial.target, trial.target.mean(axis=0))
     for fraction in FRACTIONS:
         found = 0
         for centre in trial.source[rng.integers(len(trial.source), size=TRIES)]:

@@ -1,4 +1,4 @@
-"""What can go wrong with the caller's input.
+"""Errors in the caller's input.
 
 RegistrationError
 ├── InvalidOptionsError      an option is unknown, of the wrong type or out of range
@@ -9,12 +9,12 @@ RegistrationError
     ├── CoordinateRangeError a coordinate too large for exact arithmetic
     └── InvalidWeightsError  not one weight of 0 or more for each point
 
-Not converging is a field of the result, never an exception.
+A registration that does not converge raises nothing: `Registration.converged` is False.
 """
 
 
 class RegistrationError(Exception):
-    """Root of everything that mpe_core raises on purpose."""
+    """Base of all errors that mpe_core raises on purpose."""
 
 
 class InvalidOptionsError(RegistrationError, ValueError):
@@ -26,20 +26,20 @@ class InvalidCloudError(RegistrationError, ValueError):
 
 
 class CloudShapeError(InvalidCloudError):
-    """Not an (N, 3) array of real numbers."""
+    """The cloud is not an (N, 3) array of real numbers."""
 
 
 class TooFewPointsError(InvalidCloudError):
-    """Fewer than 3 finite points; an empty cloud included."""
+    """The cloud has fewer than 3 finite points, or none."""
 
 
 class DegenerateCloudError(InvalidCloudError):
-    """All points lie on one line or in one place: a rotation about it cannot be told."""
+    """All points lie on one line or in one place, so that a rotation is undetermined."""
 
 
 class CoordinateRangeError(InvalidCloudError):
-    """A finite coordinate so large that float64 cannot hold the geometry."""
+    """A finite coordinate is too large for the geometry to be exact in float64."""
 
 
 class InvalidWeightsError(InvalidCloudError):
-    """Not one weight of 0 or more for each point, at least 3 of them above 0."""
+    """There is not one weight of 0 or more for each point, at least 3 of them above 0."""

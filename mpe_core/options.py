@@ -19,8 +19,8 @@ Method = Literal["mpl", "mpe"]
 METHODS: tuple[Method, ...] = ("mpl", "mpe")
 Search = Literal["global", "sparse"]
 SEARCHES: tuple[Search, ...] = ("global", "sparse")
-Field = Literal["tree", "exact"]
-FIELDS: tuple[Field, ...] = ("tree", "exact")
+FieldMethod = Literal["tree", "exact"]
+FIELDS: tuple[FieldMethod, ...] = ("tree", "exact")
 
 ACCEPTANCE_THRESHOLD = 0.5
 """Confidence from which on a pose is accepted."""
@@ -42,7 +42,7 @@ class RegistrationOptions:
 
     # 35,947 points each: "tree" 0.9, "exact" 4.2 seconds of processor time in all, poses within
     # 0.001 degrees
-    field: Field = "tree"
+    field: FieldMethod = "tree"
     """How "mpe" sums the target's pull on a point. "tree": distant parts of the target as one
     (Barnes-Hut), in time N log N. "exact": over all pairs, as the paper prints it, in time N^2."""
 

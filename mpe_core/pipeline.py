@@ -1,57 +1,192 @@
-"""The default method: search over all poses, polish, and a wider search where the result does not
-convince."""
+"""The default method: search over all poses, refinement, and a wider search if none convinces."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
+from numpy.typing import NDArray
 
-from mpe_core.evaluator import PoseEvaluator, ScoredPose
-from mpe_core.progress import Progress
-from mpe_core.search.pose_search import SEARCH_LEVELS, SearchLevel, distinct
+from mpe_core.assess.confidence import Evidence
+from mpe_core.assess.score import PoseScorer
+from mpe_core.clouds.preprocess import PreparedCloud
+from mpe_core.options import RegistrationOptions
+from mpe_core.progress import FractionCallback, Progress
+from mpe_core.refine.full_sum import FullSum
+from mpe_core.refine.minimum import Minimum
+from mpe_core.refine.point_to_plane import PointToPlane
+from mpe_core.refine.refiner import Refiner
+from mpe_core.refine.regime import Regime, choose_regime
+from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
+from mpe_core.search.nearest_lattice import NearestLattice, build_lattice
+from mpe_core.search.pose_prior import PosePrior
+from mpe_core.search.pose_search import (
+    SEARCH_LEVELS,
+    Candidates,
+    SearchLevel,
+    distinct_rows,
+    find_poses,
+)
 
-RIVAL = 0.7
-"""Candidates that score at least this share of the best are polished and compared."""
+Array = NDArray[np.float64]
 
-AS_SHARP, AS_ON = 0.08, 0.05
-"""Another pose fits as well if its evidence falls short by no more than this. The next best pose of
-85 shared pairs and 166 composed from them falls short of the right one by 0.14 and more in
-sharpness, on streets by 0.08 to 0.11 and by 0.2 in the share that lies on the target."""
+REFINE_ABOVE = 0.7
+"""Share of the best candidate's score from which on a candidate is refined and compared."""
 
+MAX_REFINED = 8
+"""Candidates of a search that are refined fully; the others are left after a short refinement of
+some of their points (docs/tuning.md)."""
 
-def align(alignment: PoseEvaluator, progress: Progress) -> list[ScoredPose]:
-    """The pose with the best evidence, then those that have as much of it; a wider search follows
-    one that does not convince."""
-    found: list[ScoredPose] = []
-    for effort in SEARCH_LEVELS:
-        with progress.stage("search") as report:
-            candidates = alignment.search(effort, report)
-        with progress.stage("refine") as report:
-            rows = alignment.promising(candidates.poses, lambda share: report(share / 2))
-            for done, k in enumerate(rows):
-                report(0.5 + 0.5 * done / len(rows))
-                rival = candidates.scores[k] >= RIVAL * candidates.scores[0]
-                if rival or not _enough(found, effort):
-                    found.append(alignment.polish(candidates.poses[k]))
-        if _enough(found, effort):
-            break
-    return _equals(sorted(found, key=lambda pose: pose.evidence.rank, reverse=True))
+AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
+"""Surface agreement and on-surface fraction by which a pose may fall short of the best one and
+still fit as well. On real pairs, the next best pose falls short by more (docs/tuning.md)."""
 
 
-def _equals(found: list[ScoredPose]) -> list[ScoredPose]:
-    """The first of the poses, and those that differ from it with as much evidence."""
-    best = found[0].evidence
-    poses = np.array([pose.polished.T for pose in found])
-    return [
-        found[row]
-        for row in distinct(poses, -np.arange(len(found), dtype=np.float32), len(found))
-        if row == 0
-        or (
-            best.accepted
-            and found[row].evidence.sharp > best.sharp - AS_SHARP
-            and found[row].evidence.on > best.on - AS_ON
+@dataclass(frozen=True, slots=True)
+class ScoredPose:
+    """Refined pose with the evidence for it."""
+
+    minimum: Minimum
+    evidence: Evidence
+
+
+class PosePipeline:
+    """Search, refinement and scoring of poses between two prepared clouds."""
+
+    def __init__(
+        self,
+        source: PreparedCloud,
+        target: PreparedCloud,
+        prior: PosePrior,
+        options: RegistrationOptions,
+        size_ratio: float = 1.0,
+    ) -> None:
+        """Choose the refiner that suits noise and density of the clouds.
+
+        Parameters
+        ----------
+        source, target
+            Prepared clouds.
+        prior
+            What the caller knows about the pose.
+        options
+            Options of the registration.
+        size_ratio
+            Radius of the larger cloud over that of the smaller one.
+        """
+        self.source, self.target, self._prior, self._options = source, target, prior, options
+        self._regime = choose_regime(source, target)
+        planes = _plane_refiner(source, target, prior, self._regime, options)
+        self.scorer = PoseScorer(
+            planes,
+            self._regime,
+            overlap=options.overlap or 1.0,
+            # near an initial pose there are no more chance fits than on a cloud of like size
+            size_ratio=size_ratio if prior.initial is None else 1.0,
         )
-    ]
+        self.planes = planes
+        self.refiner: Refiner = planes
+        if self._regime.uses_full_sum:
+            self.refiner = FullSum(
+                source,
+                target,
+                prior.motion_basis(),
+                options.max_iterations,
+                planes,
+                lambda T: self.scorer.score(T).on_surface_fraction,
+            )
+
+    def run(self, progress: Progress) -> list[ScoredPose]:
+        """Find the pose with the best evidence, followed by those that fit as well.
+
+        Levels of the search follow one another until one finds a pose that convinces.
+        """
+        poses: list[ScoredPose] = []
+        for level in SEARCH_LEVELS:
+            with progress.stage("search") as report:
+                candidates = self.find_candidates(level, report)
+            with progress.stage("refine") as report:
+                self._refine_candidates(candidates, level, poses, report)
+            if _has_convincing(poses, level):
+                break
+        return _select_equal(sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True))
+
+    def find_candidates(self, level: SearchLevel, report: FractionCallback) -> Candidates:
+        """Search at this level; candidates come best first."""
+        return find_poses(
+            self.source.surface, self._lattice, level, self._prior, self._options.seed, report
+        )
+
+    def refine(self, T: Array) -> ScoredPose:
+        """Refine and score a coarse pose T (4, 4)."""
+        minimum = self.refiner.refine(self._prior.project_to_yaw(T))
+        return ScoredPose(minimum, self.scorer.score(minimum.T))
+
+    def _refine_candidates(
+        self,
+        candidates: Candidates,
+        level: SearchLevel,
+        poses: list[ScoredPose],
+        report: FractionCallback,
+    ) -> None:
+        """Refine the promising candidates, best first, and append them to the poses.
+
+        Once a pose convinces, only candidates that score nearly as well as the best are refined.
+        """
+        rows = self._preselect(candidates.poses, lambda share: report(share / 2))
+        for done, k in enumerate(rows):
+            report(0.5 + 0.5 * done / len(rows))
+            is_rival = candidates.scores[k] >= REFINE_ABOVE * candidates.scores[0]
+            if is_rival or not _has_convincing(poses, level):
+                poses.append(self.refine(candidates.poses[k]))
+
+    def _preselect(self, poses: Array, report: FractionCallback) -> list[int]:
+        """Rows of up to MAX_REFINED of the poses (K, 4, 4), by a short refinement of each."""
+        rows = list(range(len(poses)))
+        if len(rows) <= MAX_REFINED or self._regime.uses_full_sum:
+            return rows[:MAX_REFINED]
+        confidence = []
+        for done, T in enumerate(poses):
+            report(done / len(poses))
+            evidence = self.scorer.score_after_short_refinement(self._prior.project_to_yaw(T))
+            confidence.append(evidence.confidence)
+        return sorted(rows, key=lambda row: -confidence[row])[:MAX_REFINED]
+
+    @cached_property
+    def _lattice(self) -> NearestLattice:
+        return build_lattice(self.target.surface)
 
 
-def _enough(found: list[ScoredPose], effort: SearchLevel) -> bool:
-    return any(pose.evidence.confidence >= effort.enough for pose in found)
+def _plane_refiner(
+    source: PreparedCloud,
+    target: PreparedCloud,
+    prior: PosePrior,
+    regime: Regime,
+    options: RegistrationOptions,
+) -> PlaneRefiner:
+    """Point-to-plane on the planes of the target, or of the source where these are better."""
+    if regime.takes_planes_of_source:
+        basis = prior.inverse().motion_basis()
+        return SwappedPointToPlane(PointToPlane(target, source, basis, regime, options))
+    return PointToPlane(source, target, prior.motion_basis(), regime, options)
+
+
+def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
+    """The first of the poses, and those that differ from it but fit as well."""
+    best = ordered[0].evidence
+    poses = np.array([pose.minimum.T for pose in ordered])
+    rows = distinct_rows(poses, -np.arange(len(ordered), dtype=np.float32), len(ordered))
+    return [ordered[k] for k in rows if k == 0 or _fits_as_well(ordered[k].evidence, best)]
+
+
+def _fits_as_well(other: Evidence, best: Evidence) -> bool:
+    return (
+        best.accepted
+        and other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
+        and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_MARGIN_ON_SURFACE
+    )
+
+
+def _has_convincing(poses: list[ScoredPose], level: SearchLevel) -> bool:
+    return any(pose.evidence.confidence >= level.stop_confidence for pose in poses)

@@ -1,4 +1,4 @@
-"""Stages of a registration: how far it is, and how long each took."""
+"""Progress of a registration by stage, and the time that each stage took."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Report = Callable[[str, float], None]
+StageCallback = Callable[[str, float], None]
+"""Takes the stage, and the fraction of the whole in [0, 1]."""
 
-SHARES = {"prepare": 0.2, "search": 0.4, "refine": 0.3, "inliers": 0.1}
+FractionCallback = Callable[[float], None]
+"""Takes the fraction of a stage in [0, 1]."""
+
+STAGE_SHARES = {"prepare": 0.2, "search": 0.4, "refine": 0.3, "inliers": 0.1}
 """Share of the whole that each stage counts for, in order."""
 
 
@@ -23,29 +27,30 @@ def timed(timing: dict[str, float], name: str) -> Iterator[None]:
 
 
 class Progress:
-    """Tells a callback the stage and the fraction of the whole in [0, 1]; keeps seconds by stage.
+    """Progress reports to a callback, and seconds by stage.
 
-    The fraction never goes back, even where a stage is entered again. What the callback raises ends
-    the registration.
+    The reported fraction never goes back, even where a stage is entered again. An exception that
+    the callback raises ends the registration.
     """
 
-    def __init__(self, on_progress: Report | None) -> None:
+    def __init__(self, on_progress: StageCallback | None) -> None:
+        """Start the clock."""
         self._callback = on_progress or (lambda stage, fraction: None)
         self._start = time.perf_counter()
         self._done = 0.0
         self.timing: dict[str, float] = {}
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Time the stage; yields a function that takes the fraction of the stage."""
-        names = list(SHARES)
-        base = sum(SHARES[earlier] for earlier in names[: names.index(name)])
+    def stage(self, name: str) -> Iterator[FractionCallback]:
+        """Time a stage; yields a function that reports the fraction of the stage."""
+        names = list(STAGE_SHARES)
+        base = sum(STAGE_SHARES[earlier] for earlier in names[: names.index(name)])
         with timed(self.timing, name):
             self._report(name, base)
-            yield lambda fraction: self._report(name, base + SHARES[name] * fraction)
+            yield lambda fraction: self._report(name, base + STAGE_SHARES[name] * fraction)
 
     def finish(self) -> dict[str, float]:
-        """Report the end; seconds by stage and in total."""
+        """Report the end, and return the seconds by stage and in total."""
         self._report("inliers", 1.0)
         return self.timing | {"total": time.perf_counter() - self._start}
 

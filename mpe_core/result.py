@@ -1,4 +1,4 @@
-"""What a registration gives back."""
+"""Result of a registration."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Inliers:
-    """Correspondences closer than the threshold at the final pose, ordered by source index.
+    """Correspondences within the threshold at the final pose, ordered by source index.
 
-    Indices refer to the clouds as the caller passed them, dropped rows counted.
+    Indices refer to the clouds as the caller passed them, ignored rows included.
     """
 
     source: NDArray[np.int64]
@@ -27,15 +27,35 @@ class Inliers:
     def __len__(self) -> int:
         return len(self.source)
 
+    def rmse(self) -> float:
+        """Root mean square distance, in the unit of the input; 0 if there are no inliers."""
+        return float(np.sqrt(np.mean(self.distance**2))) if len(self) else 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """The pose of the source in the target's frame, and how far to trust it."""
+    """Pose of the source in the target's frame, and how far to trust it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mpe_core import register
+    >>> cloud = np.random.default_rng(0).normal(size=(500, 3)) ** 3
+    >>> result = register(cloud, cloud + [1, 2, 3])
+    >>> result.T_target_source.round(3) + 0.0
+    array([[1., 0., 0., 1.],
+           [0., 1., 0., 2.],
+           [0., 0., 1., 3.],
+           [0., 0., 0., 1.]])
+    >>> len(result.inliers), result.converged, result.ambiguous
+    (500, True, False)
+    """
 
     T_target_source: NDArray[np.float64]
-    """(4, 4) rigid transform of column vectors: x_target = R x_source + t, t in the input's
-    unit."""
+    """(4, 4) rigid transform of column vectors: x_target = R x_source + t, with t in the unit of
+    the input."""
     inliers: Inliers
+    """Correspondences at the pose."""
     overlap: float
     """Share of the (finite) source points that are inliers, in [0, 1]."""
     rmse: float
@@ -43,25 +63,27 @@ class Registration:
     energy: float
     """P2 criterion (Eq. 10 of the paper) at the pose, mean over the source, in [-1, 0]."""
     converged: bool
+    """Whether the last step of the refinement was below the tolerance."""
     iterations: int
     """Iterations of the refinement on the full clouds ("mpl") or of Algorithm 1 ("mpe")."""
     confidence: float
-    """How likely the pose is right, in [0, 1]."""
+    """Probability that the pose is right, in [0, 1]."""
     accepted: bool
-    """Whether the confidence reaches 0.5, from which on a pose is taken for right."""
+    """Whether the confidence is at least 0.5, from which on a pose is taken for right."""
     ambiguous: bool
-    """Whether another pose has as much for it: the shape is symmetric, or slides on itself."""
+    """Whether another pose fits as well: the shape is symmetric, or slides on itself."""
     alternatives: NDArray[np.float64]
-    """(K, 4, 4) those other poses, T_target_source in the input's unit; some of them where a shape
-    has infinitely many."""
+    """(K, 4, 4) those other poses, in the form of T_target_source; some of them, where a shape has
+    infinitely many."""
     covariance: NDArray[np.float64]
-    """(6, 6) of the error of the pose as a small motion: rotation vector (radians) about the moved
-    source's centroid (weighted as its points are), then translation (the input's unit), along the
-    target's axes. It covers noise and misfit, not a wrong minimum; along free directions it says a
-    radian or a radius of the smaller cloud."""
+    """(6, 6) covariance of the error of the pose as a small motion: rotation vector (radians) about
+    the moved source's centroid (weighted as its points are), then translation (unit of the input),
+    along the target's axes. It covers noise and misfit, not a wrong minimum; along free directions
+    the standard deviation is a radian or a radius of the smaller cloud."""
     free_directions: NDArray[np.float64]
-    """(K, 6) such motions that nothing resists, because the surfaces slide on themselves: none for
-    most shapes, one along a street, three for a plane or a sphere."""
+    """(K, 6) such motions along which the surfaces slide on themselves, so that the pose is
+    undetermined: none for most shapes, one along a street, three for a plane or a sphere."""
     warnings: tuple[str, ...]
+    """What a caller should know before using the result, in words."""
     timing: dict[str, float]
     """Seconds by stage: prepare, search, refine, inliers, total."""

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.experiment import DATA, Experiment, Result, markdown, timed
-from mpe_core.clouds.normalize import as_pair, as_points
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply
 from mpe_core.paper.sparse_search import search_sparse
 from tests.factories.clouds import bunny, moved
@@ -32,7 +33,7 @@ def run() -> Result:
     for ratio in PAPER:
         for seed in range(TRIALS):
             trial = moved(cloud, np.random.default_rng(seed))
-            pair = as_pair(as_points(trial.source), as_points(trial.target))
+            pair = normalize_pair(validate_cloud(trial.source), validate_cloud(trial.target))
             found, seconds = timed(
                 search_sparse,
                 pair.source,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from benchmarks.experiment import DATA
 from benchmarks.pictures.panels import RIGHT, SOURCE, TARGET, WRONG, bare, dots
 from benchmarks.pictures.story import Story
-from mpe_core.clouds.normalize import as_pair, as_points
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import fit, rotation_error
 from mpe_core.paper.algorithm1 import SOFTENING, run_algorithm1
 from mpe_core.paper.barnes_hut_tree import build_tree, tree_order
@@ -24,7 +25,7 @@ def algorithm_1(_: Story, figure: Figure) -> None:
     """Method mpe: the cells that stand for the target, and the path of a fall by either sum."""
     left, right = figure.subplots(1, 2)
     trial = moved(bunny(DATA, "bun_zipper_res2"), np.random.default_rng(6))
-    pair = as_pair(as_points(trial.source), as_points(trial.target))
+    pair = normalize_pair(validate_cloud(trial.source), validate_cloud(trial.target))
     source, target = pair.source[tree_order(pair.source)], pair.target
     for name, static, style in (
         ("tree", TreeField(target, SOFTENING), {"color": RIGHT, "lw": 3.0}),

@@ -30,7 +30,7 @@ SHADES = 0.004
 def clouds(story: Story, figure: Figure) -> None:
     """The two scans as they come, and as they belong."""
     before, after = panels(figure, 2, ("as they come", "as the result lays them"))
-    pair, T = story.pair, story.found[0].polished.T
+    pair, T = story.pair, story.found[0].minimum.T
     for axes, source in ((before, pair.source), (after, apply(T, pair.source))):
         dots(axes, pair.target, TARGET)
         dots(axes, source, SOURCE)
@@ -102,7 +102,7 @@ def waves(story: Story, figure: Figure) -> None:
 
 def polish(story: Story, figure: Figure) -> None:
     """Signed distances of the source from the target's planes before and after the polish."""
-    polished = story.found[0].polished.T
+    polished = story.found[0].minimum.T
     before = min(story.waves[-1][0], key=lambda T: rotation_error(T, polished))
     turn = rotation_error(before, polished)
     titles = f"after the search, {turn:.2f} degrees to go", "after the polish"
@@ -117,9 +117,9 @@ def polish(story: Story, figure: Figure) -> None:
 def evidence(story: Story, figure: Figure) -> None:
     """How the distances from the target's planes are spread at the right pose and at wrong ones."""
     axes = figure.subplots()
-    poses = (story.alignment.polish(T).polished.T for T in story.waves[-1][0])
+    poses = (story.pipeline.refine(T).minimum.T for T in story.waves[-1][0])
     wrong = [T for T in poses if story.degrees(T) > 10]
-    for T in (*wrong, story.found[0].polished.T):
+    for T in (*wrong, story.found[0].minimum.T):
         right = story.degrees(T) < 10
         residual = np.abs(_residuals(story, T)[1])
         shares = np.full(len(residual), 1 / len(residual))
@@ -136,7 +136,7 @@ def inliers(story: Story, figure: Figure) -> None:
     assert story.result is not None
     kept = np.zeros(len(story.pair.source), bool)
     kept[story.result.inliers.source] = True
-    points = apply(story.found[0].polished.T, story.pair.source)
+    points = apply(story.found[0].minimum.T, story.pair.source)
     front, side = panels(figure, 2, ("from the front", "from the side"))
     for axes, columns in ((front, (0, 1)), (side, (2, 1))):
         dots(axes, points[kept], RIGHT, columns)

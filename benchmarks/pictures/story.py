@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.experiment import DATA
-from mpe_core import Registration, RegistrationOptions, registration
-from mpe_core.clouds.normalize import CloudPair, as_pair, as_points
+from mpe_core import Registration, RegistrationOptions, register
+from mpe_core.clouds.normalize import CloudPair, normalize_pair
 from mpe_core.clouds.surface import Surface
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import rotation_error
+from mpe_core.pipeline import PosePipeline
 from mpe_core.search import pose_search as global_search
 from tests.factories.clouds import real_pair
 
@@ -29,7 +31,7 @@ class Story:
     pair: CloudPair
     R_true: Array
     result: Registration | None = None
-    alignment: Any = None
+    pipeline: Any = None
     found: Any = None
     rotations: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
     votes: Array = field(default_factory=lambda: np.empty(0))
@@ -41,13 +43,13 @@ class Story:
 
     @property
     def surfaces(self) -> tuple[Surface, Surface]:
-        return self.alignment.source.surface, self.alignment.target.surface
+        return self.pipeline.source.surface, self.pipeline.target.surface
 
 
 def tell() -> Story:
     """Register the pair, and note what each step came to."""
     trial = real_pair(DATA, PAIR)
-    pair = as_pair(as_points(trial.source), as_points(trial.target))
+    pair = normalize_pair(validate_cloud(trial.source), validate_cloud(trial.target))
     story = Story(pair, trial.T_target_source[:3, :3])
 
     def vote(rotations: Array, *rest: Any) -> Any:
@@ -60,17 +62,17 @@ def tell() -> Story:
         story.waves.append((poses.copy(), scores.copy()))
         return scores
 
-    def align(alignment: Any, *rest: Any) -> Any:
-        story.alignment = alignment
-        story.found = all_steps(alignment, *rest)
+    def run(pipeline: PosePipeline, *rest: Any) -> Any:
+        story.pipeline = pipeline
+        story.found = all_steps(pipeline, *rest)
         return story.found
 
     best_translations, descend_wave = global_search.best_translations, global_search._descend
-    all_steps = registration.align
+    all_steps = PosePipeline.run
     with (
         patch.object(global_search, "best_translations", vote),
         patch.object(global_search, "_descend", wave),
-        patch.object(registration, "align", align),
+        patch.object(PosePipeline, "run", run),
     ):
-        story.result = registration.register(trial.source, trial.target, RegistrationOptions())
+        story.result = register(trial.source, trial.target, RegistrationOptions())
     return story

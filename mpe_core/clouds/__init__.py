@@ -1,0 +1,1 @@
+"""Input clouds: validated, normalized to a common unit, thinned, with normals."""

@@ -1,4 +1,4 @@
-"""A centred, scaled cloud at the two densities that a registration works on."""
+"""Normalized clouds at the two densities that a registration works on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.clouds.surface import VOXEL, Surface, facing, surface
+from mpe_core.clouds.normalize import CloudPair
+from mpe_core.clouds.surface import VOXEL_SIZE, Surface, fit_surface, orient_normals
+from mpe_core.errors import InvalidOptionsError
 from mpe_core.geometry.cell_list import (
     CellList,
     Points,
@@ -15,102 +17,158 @@ from mpe_core.geometry.cell_list import (
     voxel_downsample_weighted,
 )
 from mpe_core.geometry.sampling import resample_rows
+from mpe_core.options import RegistrationOptions
 
-FINE = 1 / 3
-"""Edge of the fine thinning over that of the coarse one, 0.005 radii of the smaller cloud by
-default. It evens out what lies near a scanner and averages noise; rotation errors after the polish
-as with the full clouds."""
+MIN_VOXEL_SIZE, MAX_VOXEL_SIZE = 1e-3, 0.2
+"""Finest and coarsest thinning, in radii of the smaller cloud: a sphere keeps 12 million
+and some 300 points."""
 
-POLISHED_POINTS = 4000
-"""Fine points that the polish moves. 4,000 / 8,000 / 16,000, median over bunny / dragon / uwa_chef:
-0.07 / 0.16 / 0.02, 0.07 / 0.16 / 0.03, 0.07 / 0.16 / 0.03 degrees."""
+FINE_VOXEL_RATIO = 1 / 3
+"""Edge of the fine thinning over that of the coarse one. It evens out the density around a scanner
+and averages noise; the refinement is as exact as with the full clouds."""
 
-OWN_REACH = 2.0
-"""How far a fine point may lie from the coarse one that stands for it, in coarse edges."""
+SAMPLE_POINTS = 4000
+"""Fine points that the refinement moves. More do not make it more exact (docs/tuning.md)."""
+
+NORMAL_REACH_VOXELS = 2.0
+"""Reach, in coarse edges, within which a fine point takes the normal of the nearest coarse one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Some of the fine points."""
+    """Subset of the fine points."""
 
     points: Points
-    """(N, 3), N up to POLISHED_POINTS."""
+    """(N, 3) points; N is at most SAMPLE_POINTS."""
     normals: Points | None
-    """(N, 3) unit normals that point out of the surface, where it is known which side that is."""
+    """(N, 3) unit normals that point out of the surface; None if its outside is unknown."""
 
-    def part(self, most: int) -> Sample:
-        """About `most` of them, evenly."""
-        every = max(1, len(self.points) // most)
+    def subset(self, count: int) -> Sample:
+        """Every k-th of the points, about `count`."""
+        every = max(1, len(self.points) // count)
         normals = None if self.normals is None else self.normals[::every]
         return Sample(self.points[::every].copy(), normals)
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedCloud:
-    """One cloud; all lengths in radii of the smaller cloud."""
+    """Thinned cloud with its surface; lengths in radii of the smaller cloud."""
 
     fine: Points
     """(F, 3) at most one point in a cube of the fine edge."""
     weights: Points | None
     """(F,) the caller's weights, if there are any."""
     surface: Surface
-    """Even sample with normals."""
-    voxel: float
+    """Coarse points with normals."""
+    voxel_size: float
     """Edge of the coarse thinning."""
     viewpoint: NDArray[np.float64] | None
-    """(3,) where the scanner stood, if that is known."""
+    """(3,) position of the scanner, if it is known."""
 
     def sample(self, seed: int) -> Sample:
-        """Fine points, drawn evenly, or each as often as its weight asks for."""
-        count = min(len(self.fine), POLISHED_POINTS)
+        """Draw up to SAMPLE_POINTS fine points, evenly or in proportion to their weights."""
+        count = min(len(self.fine), SAMPLE_POINTS)
         if self.weights is None:
             rows = np.random.default_rng(seed).permutation(len(self.fine))[:count]
         else:
             rows = resample_rows(self.weights, count)
         points = self.fine[np.sort(rows)]
-        return Sample(points, self._outward(points) if self.surface.oriented else None)
+        return Sample(points, self._outward_normals(points) if self.surface.oriented else None)
 
-    def coarse(self, most: int) -> Points:
-        """(up to `most`, 3) of the surface's points, evenly or as their weights ask for; those that
-        look stray, too: under noise most of them are not, and the pose would bend."""
+    def coarse_points(self, count: int) -> Points:
+        """Up to `count` of the surface's points (N, 3), evenly or in proportion to their weights.
+
+        Those that look stray are among them: under noise most are not, and the pose would bend.
+        """
         points = self.surface.points
         if self.weights is not None:
-            weights = _at(points, self.fine, self.weights, self.voxel)
+            weights = _weights_at(points, self.fine, self.weights, self.voxel_size)
             points = points[resample_rows(weights, len(points))]
-        return np.ascontiguousarray(points[:: max(1, -(-len(points) // most))])
+        return np.ascontiguousarray(points[:: max(1, -(-len(points) // count))])
 
-    def _outward(self, points: Points) -> Points:
-        cells = CellList(self.surface.points, OWN_REACH * self.voxel)
+    def _outward_normals(self, points: Points) -> Points:
+        """(N, 3) normals of the nearest coarse points; zero where none is near."""
+        cells = CellList(self.surface.points, NORMAL_REACH_VOXELS * self.voxel_size)
         row, _ = cells.nearest(points)
         normals: Points = self.surface.normals[cells.rows[row]]
         normals[row < 0] = 0
         return normals
 
 
-def scan(
+def prepare_clouds(
+    pair: CloudPair, options: RegistrationOptions
+) -> tuple[PreparedCloud, PreparedCloud]:
+    """Thin both clouds, without their points of weight 0, and fit their surfaces.
+
+    Raises
+    ------
+    InvalidOptionsError
+        If `voxel_size` does not suit the size of the clouds.
+    """
+    voxel_size = VOXEL_SIZE if options.voxel_size is None else options.voxel_size / pair.unit
+    if not MIN_VOXEL_SIZE <= voxel_size <= MAX_VOXEL_SIZE:
+        raise InvalidOptionsError(
+            f"voxel_size must be from {MIN_VOXEL_SIZE * pair.unit:.6g} to"
+            f" {MAX_VOXEL_SIZE * pair.unit:.6g}, a thousandth and a fifth of the radius of the"
+            f" smaller cloud, got {options.voxel_size}"
+        )
+    viewpoints = pair.viewpoints(options.source_viewpoint, options.target_viewpoint)
+    source, target = (
+        prepare_cloud(
+            cloud.weighted(points),
+            voxel_size,
+            None if cloud.weights is None else cloud.weighted(cloud.weights),
+            viewpoint,
+        )
+        for cloud, points, viewpoint in zip(
+            (pair.source_cloud, pair.target_cloud),
+            (pair.source, pair.target),
+            viewpoints,
+            strict=True,
+        )
+    )
+    return source, target
+
+
+def prepare_cloud(
     points: NDArray[np.float64],
-    voxel: float = VOXEL,
+    voxel_size: float = VOXEL_SIZE,
     weights: NDArray[np.float64] | None = None,
     viewpoint: NDArray[np.float64] | None = None,
 ) -> PreparedCloud:
-    """Thin a centred, scaled cloud (N, 3) and fit its surface; weights (N,) above 0."""
+    """Thin a normalized cloud and fit its surface.
+
+    Parameters
+    ----------
+    points
+        (N, 3) points in radii of the smaller cloud.
+    voxel_size
+        Edge of the coarse thinning.
+    weights
+        (N,) weights above 0.
+    viewpoint
+        (3,) position of the scanner, to which the normals are turned.
+    """
     single = points.astype(np.float32)
     if weights is None:
-        fine, kept = voxel_downsample(single, FINE * voxel), None
+        fine, fine_weights = voxel_downsample(single, FINE_VOXEL_RATIO * voxel_size), None
     else:
-        fine, kept = voxel_downsample_weighted(single, weights, FINE * voxel)
-    coarse = surface(fine, voxel)
-    if kept is not None:
-        coarse = replace(coarse, weights=coarse.weights * _at(coarse.points, fine, kept, voxel))
+        fine, fine_weights = voxel_downsample_weighted(
+            single, weights, FINE_VOXEL_RATIO * voxel_size
+        )
+    surface = fit_surface(fine, voxel_size)
+    if fine_weights is not None:
+        factor = _weights_at(surface.points, fine, fine_weights, voxel_size)
+        surface = replace(surface, weights=surface.weights * factor)
     if viewpoint is not None:
-        outward = facing(coarse.points, coarse.normals, viewpoint)
-        coarse = replace(coarse, normals=outward, oriented=True)
-    return PreparedCloud(fine, kept, coarse, voxel, viewpoint)
+        outward = orient_normals(surface.points, surface.normals, viewpoint)
+        surface = replace(surface, normals=outward, oriented=True)
+    return PreparedCloud(fine, fine_weights, surface, voxel_size, viewpoint)
 
 
-def _at(queries: Points, fine: Points, weights: Points, reach: float) -> Points:
-    """(N,) weight of the fine point nearest to each query (N, 3)."""
+def _weights_at(queries: Points, fine: Points, weights: Points, reach: float) -> Points:
+    """(N,) weight of the fine point nearest to each query (N, 3); 0 where none is near."""
     cells = CellList(fine, reach)
     row, _ = cells.nearest(queries)
-    found: Points = np.where(row >= 0, weights[cells.rows[row]], np.float32(0))
-    return found
+    nearest: Points = np.where(row >= 0, weights[cells.rows[row]], np.float32(0))
+    return nearest

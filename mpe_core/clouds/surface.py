@@ -1,5 +1,4 @@
-"""A cloud as an even sample of a surface: thinned points with normals, weights K_i and
-roughness."""
+"""A cloud as an even sample of a surface: points with normals, weights K_i, and its roughness."""
 
 from __future__ import annotations
 
@@ -10,101 +9,102 @@ from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, voxel_downsample
 
-VOXEL = 0.015
-"""Edge of the thinning cubes in radii of the smaller cloud (design study: 1.2-1.5 % keeps all 85
-pairs)."""
+VOXEL_SIZE = 0.015
+"""Edge of the coarse thinning by default, in radii of the smaller cloud. From 0.012 to 0.015 all
+shared pairs are found (docs/tuning.md)."""
 
-LEAST_RADIUS, MOST_RADIUS, GROWTH = 0.065, 0.3, 1.4
-"""Radius of a neighbourhood in the same unit: grown until it holds a surface rather than noise.
-0.08 instead of 0.065 to begin with: the same 255 of 255 shared trials right, a tenth slower."""
+MIN_RADIUS, MAX_RADIUS, RADIUS_GROWTH = 0.065, 0.3, 1.4
+"""Radius of a neighbourhood, for the default voxel size: grown by the factor until it holds a
+surface rather than noise (docs/tuning.md)."""
 
-ENOUGH_NEIGHBOURS, SMOOTH = 12, 0.035
-"""Median points and median surface variation at which a neighbourhood is taken. Bunny of 1,889
-points: variation 0.011 clean, 0.03 with noise 0.01 of the radius, 0.08 with 0.02, 0.14 with
-0.04."""
+MIN_NEIGHBOURS, MAX_VARIATION = 12, 0.035
+"""Median number of points and median surface variation at which a neighbourhood is taken: above the
+variation of clean scans, below that of noisy ones (docs/tuning.md)."""
 
 FLAT_WEIGHT = 0.02
-"""K of a flat place beside sqrt(surface variation): walls must not outweigh the rest."""
+"""Weight of a flat place, beside sqrt(surface variation): walls must not outweigh the rest."""
 
-SUPPORT = 6.0
+SUPPORT_SPACINGS = 6.0
 """Radius over the spacing of the points that a plane is fitted to, some 110 of them: a wide
 neighbourhood of a dense cloud has ten times as many and no better plane."""
 
-PROBES = 1500
-"""Points, or up to twice as many, that radius, roughness and spacing are told from."""
+SUBSET_POINTS = 1500
+"""Points, or up to twice as many, from which radius, roughness and spacing are estimated."""
 
-SPARSE = 0.3
-"""Places with fewer neighbours than this share of the median are stray points, of weight 0."""
+MIN_DENSITY = 0.3
+"""Share of the median number of neighbours under which a point counts as stray, of weight 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Even sample of a centred, scaled cloud."""
+    """Even sample of a normalized cloud; lengths in radii of the smaller cloud."""
 
     points: Points
-    """(N, 3) in units of the smaller cloud's radius."""
+    """(N, 3) points."""
     normals: Points
-    """(N, 3) unit normals, zero where too few points lie around."""
+    """(N, 3) unit normals; zero where too few points lie around."""
     weights: Points
-    """(N,) the paper's K_i: curvature, and 0 for stray points."""
+    """(N,) the paper's K_i: grows with the curvature, 0 for stray points."""
     roughness: float
-    """Distance of the points from their local planes where it is small (25 % are nearer): noise."""
+    """Distance of the points from their local planes, at the quarter of the smoothest: noise."""
     spacing: float
-    """Distance between neighbouring points of the sample, from how many lie around a point."""
+    """Distance between neighbouring points, estimated from the number around a point."""
     oriented: bool = False
-    """Whether the normals point out of the surface rather than to either side."""
+    """Whether the normals point out of the surface; otherwise to either side."""
 
 
-def surface(points: Points, voxel: float = VOXEL) -> Surface:
-    """Thin a cloud (N, 3) to one point a voxel and fit a plane of either sign around each."""
-    sample = voxel_downsample(points, voxel)
-    radius, roughness, spacing = _neighbourhood(sample, voxel)
+def fit_surface(points: Points, voxel_size: float = VOXEL_SIZE) -> Surface:
+    """Thin a cloud (N, 3) to one point a voxel, and fit a plane of either sign around each."""
+    sample = voxel_downsample(points, voxel_size)
+    radius, roughness, spacing = _choose_neighbourhood(sample, voxel_size)
     points = CellList(sample, radius).points
-    planes = _planes(points, sample, radius, voxel)
+    planes = _fit_planes(points, sample, radius, voxel_size)
     return Surface(
         points=points,
         normals=planes.normals,
-        weights=_weights(planes.surface_variation, planes.counts),
+        weights=_curvature_weights(planes.surface_variation, planes.counts),
         roughness=roughness,
         spacing=spacing,
     )
 
 
-def _neighbourhood(sample: Points, voxel: float) -> tuple[float, float, float]:
-    """Radius of the neighbourhoods that hold a surface, roughness and spacing of the points, from
-    some of them."""
-    some = sample[:: max(1, len(sample) // PROBES)].copy()
-    radius = LEAST_RADIUS / VOXEL * voxel
-    most = max(MOST_RADIUS, GROWTH * radius)
-    rough, spacing = most, 0.0
-    while True:
-        planes = _planes(some, sample, radius, voxel)
-        usable = planes.counts >= ENOUGH_NEIGHBOURS // 2
-        flat = float(np.median(planes.surface_variation[usable])) if usable.any() else 1.0
-        neighbours = float(np.median(planes.counts))
-        if not spacing and (neighbours >= ENOUGH_NEIGHBOURS or radius >= most):
-            spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
-        if neighbours >= ENOUGH_NEIGHBOURS:
-            rough = min(rough, float(np.quantile(planes.plane_std[usable], 0.25)))
-        if (neighbours >= ENOUGH_NEIGHBOURS and flat < SMOOTH) or radius >= most:
-            return radius, rough, spacing
-        radius *= GROWTH
-
-
-def _planes(queries: Points, sample: Points, radius: float, voxel: float) -> LocalPlanes:
-    """Planes through the sample around the queries (N, 3)."""
-    support = sample if radius < SUPPORT * voxel else voxel_downsample(sample, radius / SUPPORT)
-    return CellList(support, radius).planes(queries)
-
-
-def facing(points: Points, normals: Points, viewpoint: NDArray[np.float64]) -> Points:
-    """The normals (N, 3) at the points (N, 3), turned to where they were seen from."""
-    away = np.einsum("ni,ni->n", normals, viewpoint - points) < 0
-    turned: Points = np.where(away[:, None], -normals, normals)
+def orient_normals(points: Points, normals: Points, viewpoint: NDArray[np.float64]) -> Points:
+    """Turn the normals (N, 3) at the points (N, 3) to the side of the viewpoint (3,)."""
+    faces_away = np.einsum("ni,ni->n", normals, viewpoint - points) < 0
+    turned: Points = np.where(faces_away[:, None], -normals, normals)
     return turned
 
 
-def _weights(variation: Points, count: NDArray[np.int32]) -> Points:
+def _choose_neighbourhood(sample: Points, voxel_size: float) -> tuple[float, float, float]:
+    """Radius of the neighbourhoods that hold a surface; roughness and spacing of the points."""
+    subset = sample[:: max(1, len(sample) // SUBSET_POINTS)].copy()
+    radius = MIN_RADIUS / VOXEL_SIZE * voxel_size
+    largest = max(MAX_RADIUS, RADIUS_GROWTH * radius)
+    roughness, spacing = largest, 0.0
+    while True:
+        planes = _fit_planes(subset, sample, radius, voxel_size)
+        usable = planes.counts >= MIN_NEIGHBOURS // 2
+        variation = float(np.median(planes.surface_variation[usable])) if usable.any() else 1.0
+        neighbours = float(np.median(planes.counts))
+        has_neighbours = neighbours >= MIN_NEIGHBOURS
+        if not spacing and (has_neighbours or radius >= largest):
+            spacing = radius * float(np.sqrt(np.pi / max(neighbours, 1.0)))
+        if has_neighbours:
+            roughness = min(roughness, float(np.quantile(planes.plane_std[usable], 0.25)))
+        if (has_neighbours and variation < MAX_VARIATION) or radius >= largest:
+            return radius, roughness, spacing
+        radius *= RADIUS_GROWTH
+
+
+def _fit_planes(queries: Points, sample: Points, radius: float, voxel_size: float) -> LocalPlanes:
+    """Planes through the sample around the queries (N, 3)."""
+    support = sample
+    if radius >= SUPPORT_SPACINGS * voxel_size:
+        support = voxel_downsample(sample, radius / SUPPORT_SPACINGS)
+    return CellList(support, radius).planes(queries)
+
+
+def _curvature_weights(variation: Points, count: NDArray[np.int32]) -> Points:
     weights = np.sqrt(variation) + np.float32(FLAT_WEIGHT)
-    weights[count < SPARSE * np.median(count)] = 0
+    weights[count < MIN_DENSITY * np.median(count)] = 0
     return weights

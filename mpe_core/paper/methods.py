@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpe_core.clouds.normalize import Cloud, CloudPair
+from mpe_core.clouds.normalize import CloudPair
 from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply
 from mpe_core.options import RegistrationOptions
@@ -22,19 +22,15 @@ Weights = tuple[Array | None, Array | None]
 """(N,) weights of the source and (M,) of the target; None where all are 1."""
 
 
-def run_paper_method(
-    x: Cloud, y: Cloud, pair: CloudPair, options: RegistrationOptions, progress: Progress
-) -> Minimum:
+def run_paper_method(pair: CloudPair, options: RegistrationOptions, progress: Progress) -> Minimum:
     """Run method "mpe" on all points, or "mpl" with a sparse search and trimmed ICP.
 
     Points of weight 0 are left out.
 
     Parameters
     ----------
-    x, y
-        Source and target as checked.
     pair
-        The same clouds centered and scaled.
+        Normalized clouds.
     options, progress
         As in `register`.
 
@@ -42,13 +38,15 @@ def run_paper_method(
     -------
     Pose between the clouds of the pair.
     """
-    start = np.eye(4)
+    x, y, start = pair.source_cloud, pair.target_cloud, np.eye(4)
     if options.initial_transform is not None:
         start = pair.from_caller(np.array(options.initial_transform))
-    source, target = apply(start, x.heavy(pair.source)), y.heavy(pair.target)
+    source, target = apply(start, x.weighted(pair.source)), y.weighted(pair.target)
     method = _run_mpe if options.method == "mpe" else _run_mpl
-    found = method(source, target, (x.masses(), y.masses()), options, progress)
-    return replace(found, T=found.T @ start, is_planar=True)
+    minimum = method(
+        source, target, (x.normalized_weights(), y.normalized_weights()), options, progress
+    )
+    return replace(minimum, T=minimum.T @ start)
 
 
 def _run_mpe(

@@ -1,23 +1,31 @@
-"""Where an iterative method came to rest."""
+"""Result of an iterative minimisation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.geometry.rigid import inverse
+
+Criterion = Literal["point_to_plane", "smoothed_point_to_plane", "full_sum"]
+
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """A pose at rest."""
+    """Pose at which an iterative method stopped."""
 
     T: NDArray[np.float64]
     """(4, 4) T_target_source."""
     converged: bool
-    """Whether the last step was below the tolerance; False: the iterations ran out."""
+    """Whether the last step was below the tolerance; False if the iterations ran out."""
     iterations: int
-    is_planar: bool = False
-    """Whether the distances from planes are minimal there; False: the potential is."""
-    is_smoothed: bool = False
-    """Whether the points were laid on the planes through their neighbours first."""
+    """Number of iterations."""
+    criterion: Criterion | None = None
+    """What is minimal at the pose; None for the methods of the paper."""
+
+    def inverse(self) -> Self:
+        """Exchange source and target."""
+        return replace(self, T=inverse(self.T))

@@ -1,185 +1,204 @@
-"""From a coarse pose to the minimum on the full clouds: point to plane."""
+"""Point-to-plane refinement on the full clouds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.clouds.preprocess import Sample
-from mpe_core.clouds.surface import facing
-from mpe_core.geometry.cell_list import CellList, Points
-from mpe_core.geometry.rigid import apply
-from mpe_core.kernels.plane_equations import plane_equations
+from mpe_core.clouds.preprocess import PreparedCloud, Sample
+from mpe_core.geometry.cell_list import CellList, LocalPlanes
 from mpe_core.kernels.rigid_motion import update_pose
-from mpe_core.refine.minimum import Minimum
+from mpe_core.options import RegistrationOptions
+from mpe_core.refine import covariance
+from mpe_core.refine.covariance import PoseUncertainty
+from mpe_core.refine.minimum import Criterion, Minimum
+from mpe_core.refine.regime import Regime
+from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
 
-Pose = NDArray[np.float64]
+Array = NDArray[np.float64]
 
-PLANE_RADIUS = 0.04
-PLANE_SPACINGS = 2.8
-"""Radius of the target's local planes: in radii of the smaller cloud, and in point spacings if
-that is more. Rotation error, median over bunny / dragon / uwa_chef: 0.04 0.09 / 0.14 / 0.02
-degrees, 0.06 0.08 / 0.15 / 0.02, 0.08 0.06 / 0.15 / 0.03. A LiDAR pair ends 1.2 degrees
-off with 2.5 spacings, 0.2 with 2.8; with 3.3 dragon 264-192 is no longer accepted; planes of the
-coarsely thinned cloud 0.18 / 0.19 / 0.20."""
+FIRST_CUTOFF_FACTOR = 3.0
+"""Cut-off of the first steps, which bring the pose near, over that of the last ones."""
 
-CUT = 0.007
-CUT_SPACINGS = 0.45
-"""Tukey's cut-off, likewise. Rotation error, median over bunny / dragon / uwa_chef, four starts:
-0.005 and 0.25 spacings 0.077 / 0.139 / 0.019 degrees, 0.007 and 0.45 0.071 / 0.146 / 0.020, 0.01
-and 0.5 0.074 / 0.151 / 0.018, 0.014 0.079 / 0.153 / 0.040; but a room ends 0.41 degrees off with
-0.25 spacings instead of 0.24, a LiDAR car 0.22 instead of 0.1. The views of dragon differ from
-their ground truth by more than from each other (`docs/method.md`)."""
+STEP_TOL = 2e-5
+"""Step in radians (0.001 degrees) and radii under which the iteration has converged; below it, the
+nearest points keep changing places."""
 
-PLANE_NOISES, CUT_NOISES = 6.0, 3.0
-"""Both likewise in roughnesses, for noisy clouds. Bunny of 35,947 points, median rotation error
-over that of the fit with known correspondences, noise 0.015 / 0.03 / 0.06: 6.5 / 5.5 / 17.7; with
-3 roughnesses for the radius 7.1 / 7.9 / 35; the full sum over 4,000 points of each 14 / 11 / 15."""
+MAX_STEPS = 30
+"""Bound on the steps of a refinement; real scans need 20 at the 95th percentile."""
 
-SMOOTHED = 0.9
-"""Smoothing both clouds is right where it shrinks the residual to this share: it evens out noise
-then, rather than shape. Of the 85 shared pairs it does so for the 17 with the noise of a depth
-camera and a scan of the bunny (shares 0.37 to 0.89; with it the fgr pairs end 0.035 degrees off,
-without it 0.105); others have 0.92 to 1.7, and facades would end 0.11 degrees off instead of
-0.03."""
+MAX_SMOOTHED_RATIO = 0.9
+"""Residual of the smoothed clouds over that of the raw ones up to which the smoothed ones are
+refined: smoothing then evens out noise rather than shape (docs/tuning.md)."""
 
-FIRST_CUT = 3.0
-"""The first steps, which bring the pose near, cut off this many times later."""
+SUBSET_POINTS = 1000
+"""Points of the sample that preselection, the choice of smoothing and the degeneracy test use."""
 
-STILL = 2e-5
-"""A step that turns by fewer radians (0.001 degrees) and moves by fewer radii ends the iteration:
-the nearest points keep changing places below that."""
-
-MOST_STEPS = 30
-"""Steps of a polish; 255 real registrations took 7 in the median and 20 at the 95th percentile."""
-
-SPACING_SAMPLE = 1000
-"""Points asked how many lie around them."""
+PRESELECT_STEPS = 10
+"""Bound on the steps of the refinement that preselects candidates."""
 
 
-class TargetPlanes:
-    """The full target with planes through it, fitted where they are first asked for."""
+class PointToPlane:
+    """Refiner that lays a sample of one cloud, `moving`, on local planes of another, `fixed`."""
 
     def __init__(
         self,
-        points: Points,
-        spacing: float,
-        noise: float = 0.0,
-        viewpoint: NDArray[np.float64] | None = None,
+        moving: PreparedCloud,
+        fixed: PreparedCloud,
+        motion_basis: Array,
+        regime: Regime,
+        options: RegistrationOptions,
     ) -> None:
-        reach = max(PLANE_RADIUS, PLANE_SPACINGS * spacing, PLANE_NOISES * noise)
-        self.cells = CellList(points, reach)
-        self.cut = max(CUT, CUT_SPACINGS * spacing, CUT_NOISES * noise)
-        self._normals = np.zeros_like(self.cells.points)
-        self._feet = self.cells.points.copy()
-        self._known = np.zeros(len(points), np.bool_)
-        self._viewpoint = viewpoint
+        """Draw the sample; planes are fitted when they are needed.
 
-    def at(self, rows: NDArray[np.int32]) -> tuple[Points, Points]:
-        """(N, 3) places on the planes at the rows (N,) of `cells.points`, and their unit normals;
-        zero where too few points lie. They point to the viewpoint, or to either side if it is
-        unknown."""
-        new = np.unique(rows[~self._known[rows]])
-        if len(new):
-            points = self.cells.points[new]
-            planes, seen = self.cells.planes(points), self._viewpoint
-            fitted = planes.normals
-            self._feet[new] = planes.project(points)
-            self._normals[new] = fitted if seen is None else facing(points, fitted, seen)
-            self._known[new] = True
-        return self._feet[rows], self._normals[rows]
+        Parameters
+        ----------
+        moving, fixed
+            Prepared clouds; poses map the moving one onto the fixed one.
+        motion_basis
+            (6, K) basis of the small motions that are allowed.
+        regime
+            Noise and density of the pair.
+        options
+            Options of the registration; `seed` and `max_iterations` are used.
+        """
+        self._moving, self._motion_basis = moving, motion_basis
+        self._sample = moving.sample(options.seed)
+        self._planes = TargetPlanes(
+            fixed.fine, fixed.surface.spacing, regime.plane_noise, fixed.viewpoint
+        )
+        # the few planes of sparse clouds would smooth shape, too
+        self._may_smooth = not regime.is_sparse
+        self._max_iterations = options.max_iterations
 
-    def spacing(self) -> float:
-        """Distance between neighbouring points, from how many lie within reach of some of them."""
-        points = self.cells.points
-        some = points[:: max(1, len(points) // SPACING_SAMPLE)].copy()
-        count = self.cells.planes(some).counts
-        return float(self.cells.reach) * float(np.sqrt(np.pi / np.median(count)))
+    @property
+    def radius(self) -> float:
+        """Radius of the planes, and reach of the matching."""
+        return self._planes.radius
+
+    def point_spacing(self) -> float:
+        """Distance between neighbouring points of the fixed cloud."""
+        return self._planes.point_spacing()
+
+    def refine(self, T: Array) -> Minimum:
+        """Find the minimum next to the pose T, of the smoothed clouds if these fit better."""
+        minimum = self._minimize(self._sample, T, self._max_iterations)
+        if self._may_smooth and self._fits_better_smoothed(minimum.T):
+            smoothed, most = self._smoothed_sample, self._max_iterations
+            minimum = self._minimize(smoothed, minimum.T, most, smooth=True)
+        return minimum
+
+    def match(self, T: Array) -> Correspondences:
+        """Match the sample at the pose T with the planes."""
+        return match_planes(self._sample, self._planes, T)
+
+    def match_after_short_refinement(self, T: Array) -> Correspondences:
+        """Match a subset of the sample, after a few steps from the pose T."""
+        minimum = self._minimize(self._subset, T, PRESELECT_STEPS)
+        return match_planes(self._subset, self._planes, minimum.T)
+
+    def count_degenerate(self, T: Array) -> int:
+        """Count the directions in which the surfaces slide on themselves at the pose T."""
+        return covariance.count_degenerate(self._information(T))
+
+    def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
+        """Estimate the error of the minimum, as a motion about the origin of the fixed cloud."""
+        smooth = minimum.criterion == "smoothed_point_to_plane"
+        return covariance.point_to_plane_uncertainty(
+            self._smoothed_sample if smooth else self._sample,
+            self._planes,
+            minimum.T,
+            self._information(minimum.T),
+            self._motion_basis,
+            smooth=smooth,
+        )
+
+    def _minimize(
+        self, sample: Sample, T: Array, max_iterations: int, *, smooth: bool = False
+    ) -> Minimum:
+        return minimize_point_to_plane(
+            sample, self._planes, T, self._motion_basis, max_iterations, smooth=smooth
+        )
+
+    def _fits_better_smoothed(self, T: Array) -> bool:
+        raw = match_planes(self._subset, self._planes, T)
+        smoothed = match_planes(self._smoothed(self._subset), self._planes, T, smooth=True)
+        cutoff = self._planes.cutoff
+        return smoothed.weighted_rms(cutoff) < MAX_SMOOTHED_RATIO * raw.weighted_rms(cutoff)
+
+    @cached_property
+    def _subset(self) -> Sample:
+        return self._sample.subset(SUBSET_POINTS)
+
+    @cached_property
+    def _smoothed_sample(self) -> Sample:
+        return self._smoothed(self._sample)
+
+    def _smoothed(self, sample: Sample) -> Sample:
+        """Project the sample on the planes through its own neighbours."""
+        return Sample(self._own_planes(sample).project(sample.points), sample.normals)
+
+    def _own_planes(self, sample: Sample) -> LocalPlanes:
+        """Fit planes through the neighbours of the sample in the moving cloud."""
+        return self._moving_cells.planes(sample.points)
+
+    @cached_property
+    def _moving_cells(self) -> CellList:
+        return CellList(self._moving.fine, self.radius)
+
+    def _information(self, T: Array) -> Array:
+        normals = self._own_planes(self._subset).normals
+        return covariance.surface_information(
+            self._subset, normals, self._planes, T, self._motion_basis
+        )
 
 
-@dataclass(frozen=True, slots=True)
-class Correspondences:
-    """Source points at a pose, each with the plane of the target next to it."""
-
-    moved: Points
-    """(N, 3) R x_i + t."""
-    points: Points
-    """(N, 3) the nearest points of the target."""
-    normals: Points
-    """(N, 3) unit normals there; zero where too few points lie."""
-    within: NDArray[np.bool_]
-    """(N,) whether there is one within reach."""
-    used: NDArray[np.bool_]
-    """(N,) whether it faces as the source does, too."""
-
-    def residuals(self) -> Points:
-        """(N,) distances from the planes, of either sign."""
-        residuals: Points = np.einsum("ni,ni->n", self.points - self.moved, self.normals)
-        return residuals
-
-    def weights(self, cut: float) -> NDArray[np.float64]:
-        """(N,) Tukey's weights of the residuals; 0 for points that are not used."""
-        u = self.residuals().astype(np.float64) / cut
-        return np.where(self.used, np.maximum(0, 1 - u**2) ** 2, 0)
-
-
-def nearest_planes(
-    source: Sample, target: TargetPlanes, T: Pose, *, smooth: bool = False
-) -> Correspondences:
-    """The target's planes next to the source at the pose T: through its points, or `smooth`, as
-    they were fitted."""
-    moved = apply(T, source.points).astype(np.float32)
-    row, _ = target.cells.nearest(moved)
-    within = row >= 0
-    row = np.where(within, row, 0).astype(np.int32)
-    feet, normals = target.at(row)
-    points = feet if smooth else target.cells.points[row]
-    used = within
-    if source.normals is not None:
-        outward = np.einsum("ij,nj->ni", T[:3, :3].astype(np.float32), source.normals)
-        used = within & (np.einsum("ni,ni->n", outward, normals) >= 0)
-    return Correspondences(moved, points, normals, within, used)
-
-
-def point_to_plane(
-    source: Sample,
+def minimize_point_to_plane(
+    sample: Sample,
     target: TargetPlanes,
-    T: Pose,
-    motions: NDArray[np.float64],
+    T: Array,
+    motion_basis: Array,
     max_iterations: int,
     *,
     smooth: bool = False,
 ) -> Minimum:
-    """Minimise sum rho(n_j*.(y_j* - (R x_i + t))) from the pose T, y_j* the nearest point of the
-    target and rho Tukey's biweight (Chen and Medioni 1991; robust loss after Babin et al. 2019), by
-    steps within the `motions` (6, K)."""
+    """Minimise sum_i rho(n_i*.(y_i* - (R x_i + t))) from the pose T by Gauss-Newton steps.
+
+    y_i* is the nearest point of the target, n_i* the normal there and rho Tukey's biweight (Chen
+    and Medioni 1991; robust loss after Babin et al. 2019).
+
+    Parameters
+    ----------
+    sample
+        Points x_i of the moving cloud.
+    target
+        Planes of the fixed cloud.
+    T
+        (4, 4) start.
+    motion_basis
+        (6, K) basis of the small motions that are allowed.
+    max_iterations
+        Bound on the steps, beside MAX_STEPS.
+    smooth
+        Whether the planes are taken as fitted; otherwise each is moved to its point.
+    """
     iterations = 0
-    most = min(max_iterations, MOST_STEPS)
-    for cut in (FIRST_CUT * target.cut, target.cut):
+    most = min(max_iterations, MAX_STEPS)
+    for cutoff in (FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff):
+        tolerance = STEP_TOL if cutoff == target.cutoff else 20 * STEP_TOL
         converged = False
         while not converged and iterations < most:
-            H, g = equations(nearest_planes(source, target, T, smooth=smooth), cut)
+            H, g = match_planes(sample, target, T, smooth=smooth).normal_equations(cutoff)
             iterations += 1
             # a share of the trace holds the directions in which the surface slides on itself
             H += (1e-9 * np.trace(H) + 1e-30) * np.eye(6)
-            step = motions @ np.linalg.solve(motions.T @ H @ motions, motions.T @ g)
+            step = motion_basis @ np.linalg.solve(
+                motion_basis.T @ H @ motion_basis, motion_basis.T @ g
+            )
             T = T.copy()
             update_pose(T, step)
-            converged = bool(np.abs(step).max() < (STILL if cut == target.cut else 20 * STILL))
-    return Minimum(T, converged, iterations, is_planar=True, is_smoothed=smooth)
-
-
-def spread(pairs: Correspondences, cut: float) -> float:
-    """Root mean square of the residuals, weighted as in the polish."""
-    weight, r = pairs.weights(cut), pairs.residuals().astype(np.float64)
-    return float(np.sqrt((weight * r**2).sum() / max(weight.sum(), 1e-30)))
-
-
-def equations(
-    pairs: Correspondences, cut: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(6, 6) normal matrix and (6,) right side of one step."""
-    H, g = plane_equations(pairs.moved, pairs.points, pairs.normals, pairs.used, np.float32(cut))
-    return H.sum(axis=0), g.sum(axis=0)
+            converged = bool(np.abs(step).max() < tolerance)
+    criterion: Criterion = "smoothed_point_to_plane" if smooth else "point_to_plane"
+    return Minimum(T, converged, iterations, criterion)

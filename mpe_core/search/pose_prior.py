@@ -1,4 +1,4 @@
-"""What the caller knows about the pose beforehand, between the centred, scaled clouds."""
+"""Prior knowledge of the pose between the normalized clouds."""
 
 from __future__ import annotations
 
@@ -15,84 +15,88 @@ from mpe_core.options import RegistrationOptions
 
 Array = NDArray[np.float64]
 
-NEAR_DEGREES, NEAR = 30.0, 0.5
-"""How far from the initial pose is searched, in degrees and radii of the smaller cloud."""
+MAX_ROTATION_DEG, MAX_SHIFT = 30.0, 0.5
+"""Distance from the initial pose that is searched, in degrees and radii of the smaller cloud."""
 
-TILT_DEGREES = 15.0
-"""How far the two gravity directions may disagree."""
+MAX_TILT_DEG = 15.0
+"""Angle by which the two gravity directions may disagree."""
 
-DRIFT = 1.5
-"""Where descents may end, in these ranges."""
+END_SLACK = 1.5
+"""Ranges within which descents may end, over those in which they start."""
 
-DENSER = 16
-"""Over the rotations of a search without knowledge: the ranges above keep a hundredth of them, and
-leave them 10 degrees apart instead of 26."""
+OVERSAMPLING = 16
+"""Number of rotations over that of a search without prior: the ranges keep a hundredth of them, 10
+degrees apart instead of 26."""
 
 DOWN = (0.0, 0.0, -1.0)
+"""Direction of gravity where none is given."""
 
 
 @dataclass(frozen=True, slots=True)
 class PosePrior:
-    """Which poses are worth a look."""
+    """Region of poses that the search is restricted to."""
 
     initial: Array | None = None
     """(4, 4) pose that the search keeps near."""
     down: tuple[Array, Array] | None = None
-    """(3,) unit vectors in the source and in the target that the pose lays on each other, about."""
+    """(3,) unit vectors in the source and in the target that the pose aligns within a tolerance."""
     yaw_only: bool = False
-    """They are laid on each other exactly."""
+    """Whether the pose aligns them exactly."""
 
     @classmethod
-    def of(cls, options: RegistrationOptions, pair: CloudPair) -> Self:
-        """What the options say."""
-        given, initial = options.source_gravity, options.initial_transform
-        level = given is not None or options.yaw_only
-        down = _unit(given or DOWN), _unit(options.target_gravity or DOWN)
+    def from_options(cls, options: RegistrationOptions, pair: CloudPair) -> Self:
+        """Read initial pose and gravity from the options."""
+        initial, gravity = options.initial_transform, options.source_gravity
+        has_vertical = gravity is not None or options.yaw_only
+        down = _unit(gravity or DOWN), _unit(options.target_gravity or DOWN)
         return cls(
             initial=None if initial is None else pair.from_caller(np.array(initial)),
-            down=down if level else None,
+            down=down if has_vertical else None,
             yaw_only=options.yaw_only,
         )
 
     def inverse(self) -> PosePrior:
-        """The same with source and target exchanged."""
+        """Exchange source and target."""
         initial = None if self.initial is None else inverse(self.initial)
         down = None if self.down is None else (self.down[1], self.down[0])
         return PosePrior(initial, down, self.yaw_only)
 
     def rotations(self, count: int) -> Array:
-        """(K, 3, 3) rotations to try, `count` of them where nothing is known."""
+        """(K, 3, 3) rotations to start from; `count` of them without a prior."""
         if self.initial is None and self.down is None:
             return even_rotations(count)
-        tried = even_rotations(DENSER * count)
-        tried = tried[self._turns(tried, 1.0)]
+        rotations = even_rotations(OVERSAMPLING * count)
+        rotations = rotations[self._are_in_range(rotations, 1.0)]
         if self.initial is not None:
-            tried = np.concatenate([self.initial[None, :3, :3], tried])
-        return np.array([self._level(R) for R in tried])
+            rotations = np.concatenate([self.initial[None, :3, :3], rotations])
+        return np.array([self._remove_tilt(R) for R in rotations])
 
     def translations(self, proposed: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(K, 3) translations to try: the proposed ones, or the initial one where they are far."""
+        """(K, 3) translations to start from, for the proposed ones of `rotations`.
+
+        Proposals that are far from the initial pose are replaced by its translation.
+        """
         if self.initial is None:
             return proposed
         known = self.initial[:3, 3]
-        far = np.linalg.norm(proposed - known, axis=1) > NEAR
-        nearby: NDArray[np.float32] = np.where(far[:, None], known, proposed).astype(np.float32)
-        nearby[0] = known  # the first rotation is the initial one
-        return nearby
+        is_far = np.linalg.norm(proposed - known, axis=1) > MAX_SHIFT
+        near: NDArray[np.float32] = np.where(is_far[:, None], known, proposed).astype(np.float32)
+        near[0] = known  # the first rotation is the initial one
+        return near
 
-    def allows(self, poses: Array) -> NDArray[np.bool_]:
-        """(K,) whether poses (K, 4, 4) may be the answer."""
-        allowed = self._turns(poses[:, :3, :3], DRIFT)
+    def accepts(self, poses: Array) -> NDArray[np.bool_]:
+        """(K,) whether descents may end at the poses (K, 4, 4)."""
+        accepted = self._are_in_range(poses[:, :3, :3], END_SLACK)
         if self.initial is not None:
-            off = np.linalg.norm(poses[:, :3, 3] - self.initial[:3, 3], axis=1)
-            allowed &= off <= DRIFT * NEAR
-        return allowed
+            shift = np.linalg.norm(poses[:, :3, 3] - self.initial[:3, 3], axis=1)
+            accepted &= shift <= END_SLACK * MAX_SHIFT
+        return accepted
 
-    def level(self, T: Array) -> Array:
-        """The pose, or the one next to it that turns about the vertical alone."""
-        return pose(self._level(T[:3, :3]), T[:3, 3])
+    def project_to_yaw(self, T: Array) -> Array:
+        """(4, 4) pose next to T that turns about the vertical alone, if only yaw is allowed."""
+        return pose(self._remove_tilt(T[:3, :3]), T[:3, 3])
 
-    def motions(self) -> Array:
+    def motion_basis(self) -> Array:
         """(6, K) basis of the small motions (rotation vector, translation) that are allowed."""
         basis = np.eye(6)
         if self.down is None or not self.yaw_only:
@@ -100,18 +104,18 @@ class PosePrior:
         turn = np.concatenate([self.down[1], np.zeros(3)])
         return np.column_stack([turn, basis[:, 3:]])
 
-    def _turns(self, rotations: Array, slack: float) -> NDArray[np.bool_]:
+    def _are_in_range(self, rotations: Array, slack: float) -> NDArray[np.bool_]:
         """(K,) whether rotations (K, 3, 3) lie within the ranges times slack."""
-        allowed = np.ones(len(rotations), np.bool_)
+        in_range = np.ones(len(rotations), np.bool_)
         if self.initial is not None:
             trace = np.einsum("kij,ij->k", rotations, self.initial[:3, :3])
-            allowed &= trace >= 1 + 2 * np.cos(np.radians(slack * NEAR_DEGREES))
+            in_range &= trace >= 1 + 2 * np.cos(np.radians(slack * MAX_ROTATION_DEG))
         if self.down is not None:
-            agree = np.einsum("kij,j,i->k", rotations, *self.down)
-            allowed &= agree >= np.cos(np.radians(slack * TILT_DEGREES))
-        return allowed
+            cosine = np.einsum("kij,j,i->k", rotations, *self.down)
+            in_range &= cosine >= np.cos(np.radians(slack * MAX_TILT_DEG))
+        return in_range
 
-    def _level(self, R: Array) -> Array:
+    def _remove_tilt(self, R: Array) -> Array:
         if self.down is None or not self.yaw_only:
             return R
         down, vertical = R @ self.down[0], self.down[1]

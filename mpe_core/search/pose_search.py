@@ -1,8 +1,7 @@
-"""The search over SO(3) x R^3: votes for translations, then waves of descents on the P2 energy."""
+"""Search for candidate poses: votes for translations, then descents on the P2 energy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,170 +12,186 @@ from mpe_core.geometry.sampling import sample_spread_rows
 from mpe_core.kernels.energy_descent import descend_poses
 from mpe_core.kernels.translation_votes import BINS_PER_EDGE, best_translations
 from mpe_core.options import ACCEPTANCE_THRESHOLD
+from mpe_core.progress import FractionCallback
 from mpe_core.search.nearest_lattice import NearestLattice
 from mpe_core.search.pose_prior import PosePrior
 
 Poses = NDArray[np.float64]
 
-AGREEMENT = 0.75
-"""|n.c| from which on a target point votes in the direction bin around c: 41 degrees. Rank of the
-first good candidate over the 85 shared pairs, 2,304 rotations, median / 90 % / 95 %: without
-normals 0 / 11 / 49, with them 0 / 2 / 7."""
+MIN_NORMAL_AGREEMENT = 0.75
+"""|n.c| from which on a target point votes in the direction bin around c: 41 degrees. Without
+normals good candidates rank lower (docs/tuning.md)."""
 
-SLIDE = 0.02
-"""Weight of the tangential residual beside the normal one. Starts 10-15 degrees off, error after 6
-steps, median: 1 (point to point) 4.2 degrees, 0.3 1.8, 0.1 0.5, 0.03 0.2. Walls hold a pose back
-with it: the facade pair 6-5 stays 1.4 m off with 0.05."""
+TANGENTIAL_WEIGHT = 0.02
+"""Weight of the tangential residual beside the normal one: large ones slow the descent and hold
+surfaces back that should slide (docs/tuning.md)."""
 
-HOPELESS = 0.4
-"""Candidates that score less than this share of the best go down no further. The five hardest
-shared pairs, four starts each: 20 of 20 right with it and without; the waves of an easy pair take a
-quarter of the time."""
+PRUNE_BELOW = 0.4
+"""Share of the best score under which candidates are dropped after a stage: saves three quarters of
+the time of easy pairs and loses no pose (docs/tuning.md)."""
 
-APART_DEGREES, APART = 8.0, 0.1
-"""Poses closer than both are one candidate."""
+MIN_APART_DEG, MIN_APART = 8.0, 0.1
+"""Poses closer than both, in degrees and radii of the smaller cloud, count as one."""
 
-
-MOST_HISTOGRAM_CELLS = 300_000
+MAX_HISTOGRAM_CELLS = 300_000
 """Bound on a histogram of votes, 0.6 MB; a target much larger than the source gets larger cells."""
 
+MIN_EPS_NOISES = 1.5
+"""Smallest eps of a descent over the noise: below it there is nothing to descend to."""
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AnnealingStage:
-    """One round of descents: how many points, from which eps to which, how many steps, how many
-    stay."""
+    """One round of descents with falling eps; lengths in radii of the smaller cloud."""
 
     points: int
-    start: float
-    end: float
+    """Points of the source that descend."""
+    start_eps: float
+    """eps of the first step."""
+    end_eps: float
+    """eps of the last step."""
     steps: int
+    """Steps of a descent."""
     keep: int
+    """Candidates that are kept."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SearchLevel:
-    """How widely to search. Lengths in radii of the smaller cloud."""
+    """Effort of one search; lengths in radii of the smaller cloud."""
 
     rotations: int
+    """Rotations over SO(3) to vote for."""
     source_points: int
+    """Points of the source that vote."""
     target_points: int
-    cell: float
+    """Points of the target that vote."""
+    cell_size: float
+    """Edge of a cell of the vote histogram."""
     candidates: int
-    waves: tuple[AnnealingStage, ...]
-    enough: float
-    """Confidence of a pose that ends the search."""
+    """Poses with the most votes that descend."""
+    stages: tuple[AnnealingStage, ...]
+    """Rounds of descents, in order."""
+    stop_confidence: float
+    """Confidence of a refined pose that ends the search."""
 
 
 QUICK = SearchLevel(
     rotations=384,
     source_points=64,
     target_points=256,
-    cell=0.12,
+    cell_size=0.12,
     candidates=64,
-    waves=(
-        AnnealingStage(200, 0.15, 0.05, 6, 16),
-        AnnealingStage(800, 0.06, 0.03, 6, 4),
-        AnnealingStage(2000, 0.06, 0.02, 10, 4),
+    stages=(
+        AnnealingStage(points=200, start_eps=0.15, end_eps=0.05, steps=6, keep=16),
+        AnnealingStage(points=800, start_eps=0.06, end_eps=0.03, steps=6, keep=4),
+        AnnealingStage(points=2000, start_eps=0.06, end_eps=0.02, steps=10, keep=4),
     ),
-    enough=0.9,
+    stop_confidence=0.9,
 )
 THOROUGH = SearchLevel(
     rotations=1152,
     source_points=96,
     target_points=384,
-    cell=0.12,
+    cell_size=0.12,
     candidates=128,
-    waves=(
-        AnnealingStage(200, 0.15, 0.05, 6, 16),
-        AnnealingStage(1000, 0.06, 0.03, 8, 4),
-        AnnealingStage(3000, 0.06, 0.02, 16, 4),
+    stages=(
+        AnnealingStage(points=200, start_eps=0.15, end_eps=0.05, steps=6, keep=16),
+        AnnealingStage(points=1000, start_eps=0.06, end_eps=0.03, steps=8, keep=4),
+        AnnealingStage(points=3000, start_eps=0.06, end_eps=0.02, steps=16, keep=4),
     ),
-    enough=ACCEPTANCE_THRESHOLD,
+    stop_confidence=ACCEPTANCE_THRESHOLD,
 )
 WIDE = SearchLevel(
     rotations=4608,
     source_points=192,
     target_points=768,
-    cell=0.1,
+    cell_size=0.1,
     candidates=1536,
-    waves=(
-        AnnealingStage(200, 0.12, 0.05, 6, 192),
-        AnnealingStage(1000, 0.06, 0.03, 8, 64),
-        AnnealingStage(2000, 0.06, 0.02, 10, 64),
+    stages=(
+        AnnealingStage(points=200, start_eps=0.12, end_eps=0.05, steps=6, keep=192),
+        AnnealingStage(points=1000, start_eps=0.06, end_eps=0.03, steps=8, keep=64),
+        AnnealingStage(points=2000, start_eps=0.06, end_eps=0.02, steps=10, keep=64),
     ),
-    enough=ACCEPTANCE_THRESHOLD,
+    stop_confidence=ACCEPTANCE_THRESHOLD,
 )
 SEARCH_LEVELS = (QUICK, THOROUGH, WIDE)
-"""Each follows where the one before does not find enough. The 85 shared pairs, two starts each, and
-130 composed from them: quick alone is right in 293 of 300, and of its 270 poses of confidence 0.9
-and more none is wrong; with 0.5 instead, one that slides along a street stayed. 288 rotations 292,
-576 rotations and 96 candidates 293. Thorough alone finds 84 shared pairs, wide all. Of 42 composed
-pairs that overlap by 0.15 to 0.3 wide finds 26, and 22 / 25 / 27 with 8 / 48 / 96 kept instead of
-64, in 0.8 / 0.9 / 1.1 times its time."""
+"""Levels in order: each follows where the one before finds no pose of its `stop_confidence`
+(docs/tuning.md)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """Poses found, best first, and their scores in [0, 1]."""
+    """Poses that a search found, best first."""
 
     poses: Poses
-    """(K, 4, 4) T_target_source between the centred, scaled clouds."""
+    """(K, 4, 4) T_target_source between the normalized clouds."""
     scores: NDArray[np.float32]
+    """(K,) negative energy over the total weight, in [0, 1]."""
 
 
 def find_poses(
     source: Surface,
-    field: NearestLattice,
-    effort: SearchLevel,
-    knowledge: PosePrior,
+    lattice: NearestLattice,
+    level: SearchLevel,
+    prior: PosePrior,
     seed: int,
-    report: Callable[[float], None],
+    report: FractionCallback,
 ) -> Candidates:
-    """Local minima of the P2 energy, lowest first, from every rotation and translation that the
-    knowledge allows.
+    """Find local minima of the energy of `mpe_core.search`, lowest first.
 
-    Minimises -sum_i K_i |n_i.n_j*|^2 eps^2 / (|y_j* - (R x_i + t)|^2 + eps^2), the P2 criterion
-    (Eq. 10) with the paper's weights K_i and the agreement of normals: of either sign, or of one
-    where both surfaces know their outside.
+    Parameters
+    ----------
+    source
+        Surface that moves.
+    lattice
+        Nearest points of the surface that stays.
+    level
+        Effort of the search.
+    prior
+        Region of poses that is searched.
+    seed
+        Seed of the points that vote and descend.
+    report
+        Takes the fraction that is done.
     """
     rng = np.random.default_rng(seed)
-    poses = _vote(source, field.surface, effort, knowledge, rng)
+    poses = _vote(source, lattice.surface, level, prior, rng)
     report(0.5)
     order = rng.permutation(np.flatnonzero(source.weights > 0))
-    # below the noise there is nothing to descend to
-    least_eps = 1.5 * max(source.roughness, field.surface.roughness)
-    for k, wave in enumerate(effort.waves):
-        scores = _descend(poses, source, order[: wave.points], field, wave, least_eps)
-        allowed = knowledge.allows(poses)
-        if allowed.any():
-            poses, scores = poses[allowed], scores[allowed]
-        kept = distinct(poses, scores, wave.keep)
-        kept = kept[scores[kept] >= HOPELESS * scores[kept[0]]]
+    min_eps = MIN_EPS_NOISES * max(source.roughness, lattice.surface.roughness)
+    for k, stage in enumerate(level.stages):
+        scores = _descend(poses, source, order[: stage.points], lattice, stage, min_eps)
+        accepted = prior.accepts(poses)
+        if accepted.any():
+            poses, scores = poses[accepted], scores[accepted]
+        kept = distinct_rows(poses, scores, stage.keep)
+        kept = kept[scores[kept] >= PRUNE_BELOW * scores[kept[0]]]
         poses, scores = np.ascontiguousarray(poses[kept]), scores[kept]
-        report(0.5 + 0.5 * (k + 1) / len(effort.waves))
+        report(0.5 + 0.5 * (k + 1) / len(level.stages))
     return Candidates(poses, scores)
 
 
 def _vote(
     source: Surface,
     target: Surface,
-    effort: SearchLevel,
-    knowledge: PosePrior,
+    level: SearchLevel,
+    prior: PosePrior,
     rng: np.random.Generator,
 ) -> Poses:
     """(candidates, 4, 4) poses with the most votes, most first."""
-    x = sample_spread_rows(source.points, source.weights, effort.source_points, rng)
-    y = sample_spread_rows(target.points, target.weights, effort.target_points, rng)
+    x = sample_spread_rows(source.points, source.weights, level.source_points, rng)
+    y = sample_spread_rows(target.points, target.weights, level.target_points, rng)
     points, normals = source.points[x], source.normals[x]
     reach = np.abs(target.points[y]).max(axis=0) + np.linalg.norm(points, axis=1).max()
-    cell = np.float32(max(effort.cell, 2 * np.cbrt(np.prod(reach) / MOST_HISTOGRAM_CELLS)))
+    cell = np.float32(max(level.cell_size, 2 * np.cbrt(np.prod(reach) / MAX_HISTOGRAM_CELLS)))
     half = np.ceil(reach / cell).astype(np.int64) + 2
     width = 2 * half + 1
     cells = np.floor(target.points[y] / cell).astype(np.int64)
     numbers = ((cells[:, 0] * width[1] + cells[:, 1]) * width[2] + cells[:, 2]).astype(np.int32)
-    agree = np.abs(bin_directions() @ target.normals[y].T) > AGREEMENT
+    agree = np.abs(bin_directions() @ target.normals[y].T) > MIN_NORMAL_AGREEMENT
     starts = np.concatenate([[0], np.cumsum(agree.sum(axis=1))])
-    rotations = knowledge.rotations(effort.rotations)
+    rotations = prior.rotations(level.rotations)
     translations, votes = best_translations(
         rotations.astype(np.float32),
         (points, normals),
@@ -184,8 +199,8 @@ def _vote(
         cell,
         half,
     )
-    translations = knowledge.translations(translations)
-    best = np.argsort(-votes, kind="stable")[: effort.candidates]
+    translations = prior.translations(translations)
+    best = np.argsort(-votes, kind="stable")[: level.candidates]
     poses = np.tile(np.eye(4), (len(best), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rotations[best], translations[best]
     return poses
@@ -195,40 +210,42 @@ def _descend(
     poses: Poses,
     source: Surface,
     rows: NDArray[np.int64],
-    field: NearestLattice,
-    wave: AnnealingStage,
-    least_eps: float,
+    lattice: NearestLattice,
+    stage: AnnealingStage,
+    min_eps: float,
 ) -> NDArray[np.float32]:
-    """Move the poses down the energy in place; their scores."""
-    scores, target = np.empty(len(poses), np.float32), field.surface
+    """Move the poses down the energy in place; returns their scores."""
+    scores, target = np.empty(len(poses), np.float32), lattice.surface
     descend_poses(
         poses,
         scores,
         (source.points[rows], source.normals[rows], source.weights[rows]),
         (target.points, target.normals, target.weights),
-        (field.rows, field.origin, field.cell),
+        (lattice.rows, lattice.origin, lattice.cell),
         (
-            np.float32(max(wave.start, least_eps)),
-            np.float32(max(wave.end, least_eps)),
-            wave.steps,
+            np.float32(max(stage.start_eps, min_eps)),
+            np.float32(max(stage.end_eps, min_eps)),
+            stage.steps,
         ),
-        np.float32(SLIDE),
+        np.float32(TANGENTIAL_WEIGHT),
         source.oriented and target.oriented,
     )
     return scores
 
 
-def distinct(poses: Poses, scores: NDArray[np.float32], most: int) -> NDArray[np.int64]:
-    """Rows of up to `most` poses, best first, no two of them closer than APART_DEGREES and
-    APART."""
-    chord = 2 * np.sqrt(2) * np.sin(np.radians(APART_DEGREES) / 2)
+def distinct_rows(poses: Poses, scores: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+    """Rows of up to `count` poses (K, 4, 4), best first, no two of which are close.
+
+    Poses are close if they differ by less than MIN_APART_DEG and MIN_APART.
+    """
+    chord = 2 * np.sqrt(2) * np.sin(np.radians(MIN_APART_DEG) / 2)
     kept: list[int] = []
     for row in np.argsort(-scores, kind="stable"):
-        near = np.linalg.norm(poses[kept, :3, :3] - poses[row, :3, :3], axis=(1, 2)) < chord
-        near &= np.linalg.norm(poses[kept, :3, 3] - poses[row, :3, 3], axis=1) < APART
-        if not near.any():
+        is_close = np.linalg.norm(poses[kept, :3, :3] - poses[row, :3, :3], axis=(1, 2)) < chord
+        is_close &= np.linalg.norm(poses[kept, :3, 3] - poses[row, :3, 3], axis=1) < MIN_APART
+        if not is_close.any():
             kept.append(int(row))
-        if len(kept) == most:
+        if len(kept) == count:
             break
     return np.array(kept)
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mpe_core import register
-from mpe_core.clouds.normalize import as_pair, as_points
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from mpe_core.paper.force_field import ExactField
@@ -26,7 +27,7 @@ def test_direct_sum(benchmark, cloud):
 
 
 def test_checks_and_centring(benchmark, cloud):
-    pair = benchmark(lambda: as_pair(as_points(cloud), as_points(cloud)))
+    pair = benchmark(lambda: normalize_pair(validate_cloud(cloud), validate_cloud(cloud)))
     np.testing.assert_array_equal(pair.source, pair.target)
 
 

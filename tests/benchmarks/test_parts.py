@@ -5,13 +5,13 @@ import pytest
 
 pytest.importorskip("matplotlib")
 from benchmarks.parts import FRACTIONS, LEAST_POINTS, PARTS, PARTS_OF_A_PAIR, parts
-from mpe_core.clouds.normalize import radius
+from mpe_core.clouds.normalize import robust_radius
 from tests.factories.clouds import real_pair
 
 
 def test_parts_are_as_small_as_said_and_lie_over_the_target(data):
     trial = real_pair(data, "dragon_24_0")
-    whole = radius(trial.target, trial.target.mean(axis=0))
+    whole = robust_radius(trial.target, trial.target.mean(axis=0))
     found = list(parts(trial))
     assert {fraction for fraction, _ in found} == set(FRACTIONS)
     assert len(found) == PARTS_OF_A_PAIR * len(FRACTIONS)

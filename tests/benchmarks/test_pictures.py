@@ -29,7 +29,7 @@ def test_a_picture_is_drawn_the_same_twice(story, picture, tmp_path):
 
 
 def test_the_story_is_that_of_the_result(story):
-    assert story.degrees(story.found[0].polished.T) < 1
+    assert story.degrees(story.found[0].minimum.T) < 1
     assert len(story.votes) == len(story.rotations) == QUICK.rotations
     assert [len(poses) for poses, _ in story.waves] == sorted(
         (len(poses) for poses, _ in story.waves), reverse=True

@@ -3,7 +3,7 @@
 import pytest
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.progress import SHARES, Progress
+from mpe_core.progress import STAGE_SHARES, Progress
 from tests.factories.clouds import real_pair
 
 
@@ -66,4 +66,4 @@ def test_a_stage_entered_again_takes_no_progress_back():
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1
     assert timing["total"] >= timing["search"] + timing["refine"]
-    assert sum(SHARES.values()) == pytest.approx(1)
+    assert sum(STAGE_SHARES.values()) == pytest.approx(1)

@@ -6,23 +6,27 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.assess.confidence import LIKE_SIZES, Evidence
-from mpe_core.clouds.normalize import radius
+from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
+from mpe_core.clouds.normalize import robust_radius
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
 from tests.factories.checks import assert_pose_close, pose_error
 from tests.factories.clouds import real_pair
 
 
 def odds(**said):
-    confidence = Evidence(near=0.9, on=0.6, sharp=0.6, **said).confidence
+    confidence = Evidence(
+        coverage=0.9, on_surface_fraction=0.6, surface_agreement=0.6, **said
+    ).confidence
     return confidence / (1 - confidence)
 
 
 @pytest.mark.parametrize("free", [0, 1, 3])
 def test_chance_fits_on_a_much_larger_cloud_count_against_a_pose(free):
     """In as many dimensions as a surface has, and those in which it slides on itself."""
-    assert odds(larger=LIKE_SIZES, free=free) == pytest.approx(odds())
-    assert odds() / odds(larger=5 * LIKE_SIZES, free=free) == pytest.approx(5.0 ** (2 + free))
+    assert odds(size_ratio=MAX_CALIBRATED_SIZE_RATIO, degenerate_dof=free) == pytest.approx(odds())
+    assert odds() / odds(
+        size_ratio=5 * MAX_CALIBRATED_SIZE_RATIO, degenerate_dof=free
+    ) == pytest.approx(5.0 ** (2 + free))
 
 
 @pytest.mark.parametrize("name", ["dragon_24_0", "bunny_bun045_bun000"])
@@ -39,7 +43,7 @@ def test_a_small_part_of_a_scan_is_found_and_accepted(data, name):
 
 
 def whole(trial):
-    return radius(trial.target, trial.target.mean(axis=0))
+    return robust_radius(trial.target, trial.target.mean(axis=0))
 
 
 def ball(trial, centre, fraction):
@@ -58,7 +62,7 @@ def patches_of_ground(trial, fraction):
 def near_truth(trial, part):
     """The true pose, 15 degrees and 0.3 radii of the part off."""
     middle = apply(trial.T_target_source, part.mean(axis=0, keepdims=True))[0]
-    away = 0.3 * radius(part, part.mean(axis=0)) * np.array([1, 0, 0])
+    away = 0.3 * robust_radius(part, part.mean(axis=0)) * np.array([1, 0, 0])
     turn = pose(axis_rotation(np.array([1.0, 1.0, 0.0]), np.radians(15)), np.zeros(3))
     centred = pose(np.eye(3), -middle) @ trial.T_target_source
     return pose(np.eye(3), middle + away) @ turn @ centred
@@ -86,7 +90,7 @@ def accepted(street, *, right, near=False):
 def test_patches_of_ground_seldom_pass_where_they_do_not_belong(street, monkeypatch):
     """Of eight six are found elsewhere, 4 to 15 m off; one of these is accepted."""
     assert accepted(street, right=False) <= 2
-    monkeypatch.setattr("mpe_core.evaluator.count_degenerate", lambda information: 0)
+    monkeypatch.setattr("mpe_core.refine.covariance.count_degenerate", lambda information: 0)
     assert accepted(street, right=False) >= 4, "the free directions make the difference"
 
 

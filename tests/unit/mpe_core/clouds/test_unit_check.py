@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mpe_core import register
-from mpe_core.clouds.unit_check import unit_mismatch
+from mpe_core.clouds.unit_check import describe_unit_mismatch
 from tests.factories.clouds import real_pair
 
 
@@ -31,5 +31,5 @@ def test_one_unit_raises_no_suspicion(data):
 
 @pytest.mark.parametrize("ratio", [1, 1.4, 5, 10, 3000])
 def test_other_ratios_are_no_units(ratio):
-    assert unit_mismatch(2.0, 2.0 * ratio) is None
-    assert unit_mismatch(2.0 * ratio, 2.0) is None
+    assert describe_unit_mismatch(2.0, 2.0 * ratio) is None
+    assert describe_unit_mismatch(2.0 * ratio, 2.0) is None

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from mpe_core.assess.inliers import inlier_threshold
-from mpe_core.clouds.normalize import as_pair, as_points
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.paper.trimmed_icp import trimmed_count, trimmed_icp
@@ -57,7 +58,7 @@ def test_half_a_cloud_is_laid_on_the_other_half(data, overlap):
 @pytest.mark.parametrize("name", ["bunny_bun045_bun000", "dragon_0_336", "uwa_chef_3_1"])
 def test_real_scans_from_ten_degrees_off(data, name):
     trial = real_pair(data, name)
-    pair = as_pair(as_points(trial.source), as_points(trial.target))
+    pair = normalize_pair(validate_cloud(trial.source), validate_cloud(trial.target))
     off = pair.to_caller(nudge(10, 0.1)) @ inverse(pair.to_caller(np.eye(4)))
     centred = inverse(pair.to_caller(np.eye(4))) @ off @ trial.T_target_source
     start = pose(centred[:3, :3], pair.source_centre * 0)

@@ -5,7 +5,7 @@ import pytest
 
 from mpe_core.geometry.rigid import axis_rotation, pose, rotation_error
 from mpe_core.kernels.potential_moments import potential_moments
-from mpe_core.refine.full_sum import PotentialExpansion, descend_potential
+from mpe_core.refine.full_sum import PotentialExpansion, minimize_full_sum
 from tests.factories.clouds import bunny, knot, moved
 
 
@@ -56,7 +56,7 @@ def test_it_beats_nothing_less_than_the_noise(data):
         rng = np.random.default_rng(100 + seed)
         off = pose(axis_rotation(rng.normal(size=3), np.radians(5)), 0.02 * rng.normal(size=3))
         start = off @ trial.T_target_source
-        found = descend_potential(
+        found = minimize_full_sum(
             trial.source.astype(np.float32),
             cloud.astype(np.float32),
             start,

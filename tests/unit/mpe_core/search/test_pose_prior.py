@@ -182,7 +182,7 @@ def test_a_coarser_voxel_evens_out_noise(data):
 @pytest.mark.parametrize("size", [1, 1e-9])
 def test_a_voxel_of_no_use_is_refused(data, size):
     model = bunny(data)
-    with pytest.raises(InvalidOptionsError, match="at most a fifth and at least a thousandth"):
+    with pytest.raises(InvalidOptionsError, match="a thousandth and a fifth of the radius"):
         register(model, model, RegistrationOptions(voxel_size=size))
 
 

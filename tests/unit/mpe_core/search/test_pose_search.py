@@ -6,24 +6,30 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from mpe_core import RegistrationOptions, register
-from mpe_core.clouds.preprocess import scan
-from mpe_core.clouds.surface import surface
+from mpe_core.clouds.preprocess import prepare_cloud
+from mpe_core.clouds.surface import fit_surface
 from mpe_core.geometry.rigid import apply, pose, rotation_error
 from mpe_core.geometry.rotations import even_rotations
 from mpe_core.geometry.sampling import sample_weighted_rows
 from mpe_core.kernels.energy_descent import descend_poses
 from mpe_core.kernels.farthest_point import farthest_order
 from mpe_core.kernels.translation_votes import best_translations, direction_bin
-from mpe_core.search.nearest_lattice import nearest_lattice
+from mpe_core.search.nearest_lattice import build_lattice
 from mpe_core.search.pose_prior import PosePrior
-from mpe_core.search.pose_search import AGREEMENT, QUICK, bin_directions, distinct, find_poses
+from mpe_core.search.pose_search import (
+    MIN_NORMAL_AGREEMENT,
+    QUICK,
+    bin_directions,
+    distinct_rows,
+    find_poses,
+)
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import bunny, moved, real_pair
 
 
 @pytest.fixture(scope="module")
 def model(data):
-    return surface(bunny(data, "bun_zipper_res2").astype(np.float32))
+    return fit_surface(bunny(data, "bun_zipper_res2").astype(np.float32))
 
 
 def test_even_rotations_are_rotations_that_leave_no_gap():
@@ -62,7 +68,7 @@ def test_the_bin_of_a_line_is_the_nearest_direction_or_a_neighbour():
         assert direction_bin(x, y, z) == direction_bin(-x, -y, -z) == row
     lines = Rotation.random(300, rng=5).as_matrix()[:, 0].astype(np.float32)
     found = np.array([direction_bin(*line) for line in lines])
-    assert np.abs(np.einsum("ni,ni->n", lines, directions[found])).min() > AGREEMENT
+    assert np.abs(np.einsum("ni,ni->n", lines, directions[found])).min() > MIN_NORMAL_AGREEMENT
 
 
 def test_votes_are_the_histogram_of_all_differences():
@@ -91,7 +97,7 @@ def test_votes_are_the_histogram_of_all_differences():
 
 
 def test_the_field_names_a_nearest_point_within_a_cell(model):
-    field = nearest_lattice(model)
+    field = build_lattice(model)
     cells = np.random.default_rng(7).integers(0, field.rows.shape, (2000, 3))
     centres = field.origin + (cells + 0.5) * field.cell
     named = np.linalg.norm(model.points[field.rows[tuple(cells.T)]] - centres, axis=1)
@@ -102,7 +108,7 @@ def test_the_field_names_a_nearest_point_within_a_cell(model):
 
 
 def test_a_descent_returns_to_the_pose_and_scores_it_as_the_formula(model):
-    field = nearest_lattice(model)
+    field = build_lattice(model)
     rng = np.random.default_rng(8)
     starts = np.array(
         [
@@ -136,14 +142,19 @@ def test_distinct_keeps_the_better_of_two_that_are_close():
     near = pose(Rotation.from_rotvec([0.05, 0, 0]).as_matrix(), np.zeros(3))
     apart = pose(Rotation.from_rotvec([0.3, 0, 0]).as_matrix(), np.zeros(3))
     poses = np.array([np.eye(4), near, apart])
-    np.testing.assert_array_equal(distinct(poses, np.float32([0.1, 0.3, 0.2]), 3), [1, 2])
+    np.testing.assert_array_equal(distinct_rows(poses, np.float32([0.1, 0.3, 0.2]), 3), [1, 2])
 
 
 def test_the_best_candidate_is_the_true_pose(data):
     trial = moved(bunny(data), np.random.default_rng(9), largest_deg=180)
     x, y = (c - c.mean(axis=0) for c in (trial.source, trial.target))
     found = find_poses(
-        scan(x).surface, nearest_lattice(scan(y).surface), QUICK, PosePrior(), 0, lambda f: None
+        prepare_cloud(x).surface,
+        build_lattice(prepare_cloud(y).surface),
+        QUICK,
+        PosePrior(),
+        0,
+        lambda f: None,
     )
     assert rotation_error(found.poses[0], trial.T_target_source) < 1
     assert (np.diff(found.scores) <= 0).all()

@@ -1,0 +1,87 @@
+"""Scoring of poses: whether the points near the target lie on its surface."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
+from mpe_core.refine.regime import Regime
+from mpe_core.refine.swapped import PlaneRefiner
+from mpe_core.refine.target_planes import Correspondences
+
+Array = NDArray[np.float64]
+
+ON_SURFACE_TOL, ON_SURFACE_TOL_SPACINGS, ON_SURFACE_TOL_NOISES = 0.006, 0.3, 1.5
+"""Distance from a plane that counts as on it: in radii of the smaller cloud, in point spacings and
+in roughnesses, whichever is largest."""
+
+MAX_TANGENTIAL_SPACINGS = 0.5
+"""Distance along the plane, in point spacings, up to which a point lies over its nearest point.
+Farther off the target has a hole or ends, and tells nothing about the pose (docs/tuning.md)."""
+
+MAX_CHANCE_FOR_OVERLAP_TEST = 0.18
+"""Share that chance puts on a plane up to which only points over a point of the target count.
+Beyond it, noise decides which points these are (docs/tuning.md)."""
+
+MAX_CHANCE = 0.9
+"""Bound on the share that chance puts on a plane, so that some is left to tell poses apart."""
+
+
+class PoseScorer:
+    """Evidence for any pose of the source on the target."""
+
+    def __init__(
+        self, planes: PlaneRefiner, regime: Regime, overlap: float, size_ratio: float
+    ) -> None:
+        """Choose the tolerances for a pair of clouds.
+
+        Parameters
+        ----------
+        planes
+            What matches points with planes.
+        regime
+            Noise and density of the pair.
+        overlap
+            Share of the source that can have a counterpart.
+        size_ratio
+            Radius of the larger cloud over that of the smaller one.
+        """
+        self._planes, self._overlap, self._size_ratio = planes, overlap, size_ratio
+        self._tolerance = max(
+            ON_SURFACE_TOL,
+            ON_SURFACE_TOL_SPACINGS * regime.spacing,
+            ON_SURFACE_TOL_NOISES * regime.roughness,
+        )
+        self._max_tangential = MAX_TANGENTIAL_SPACINGS * regime.spacing
+
+    def score(self, T: Array) -> Evidence:
+        """Measure the evidence for the pose T (4, 4)."""
+        evidence = self._evidence(self._planes.match(T))
+        if self._size_ratio <= MAX_CALIBRATED_SIZE_RATIO:
+            return evidence
+        return replace(evidence, degenerate_dof=self._planes.count_degenerate(T))
+
+    def score_after_short_refinement(self, T: Array) -> Evidence:
+        """Measure the evidence that a few steps on a subset reach from the pose T (4, 4)."""
+        return self._evidence(self._planes.match_after_short_refinement(T))
+
+    def _evidence(self, matches: Correspondences) -> Evidence:
+        near = matches.in_range & (np.abs(matches.normals).sum(axis=1) > 0)
+        residual = np.abs(matches.residuals())
+        chance = min(self._tolerance / self._planes.radius, MAX_CHANCE)
+        telling = near
+        if chance < MAX_CHANCE_FOR_OVERLAP_TEST:
+            tangential = np.square(matches.points - matches.moved).sum(axis=1) - np.square(residual)
+            telling = near & (tangential < self._max_tangential**2)
+        on_surface = near & (residual < self._tolerance) & matches.valid
+        share = float(on_surface[telling].mean()) if telling.any() else 0.0
+        return Evidence(
+            coverage=float(near.mean()),
+            on_surface_fraction=float(on_surface.mean()),
+            surface_agreement=max(0.0, (share - chance) / (1 - chance)),
+            overlap=self._overlap,
+            size_ratio=self._size_ratio,
+        )

@@ -1,0 +1,80 @@
+"""Warnings of a registration, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from mpe_core.assess.confidence import Evidence
+from mpe_core.clouds.normalize import CloudPair
+from mpe_core.clouds.unit_check import describe_unit_mismatch
+from mpe_core.result import Registration
+
+
+def describe_warnings(pair: CloudPair, evidence: Evidence, result: Registration) -> tuple[str, ...]:
+    """Say what a caller should know before using the result.
+
+    Parameters
+    ----------
+    pair
+        Clouds that were registered.
+    evidence
+        Evidence for the resulting pose.
+    result
+        Result, its own warnings aside.
+    """
+    return (
+        *_about_clouds(pair),
+        *_about_convergence(result),
+        *_about_trust(pair, evidence),
+        *_about_ambiguity(result),
+        *_about_inliers(result),
+    )
+
+
+def _about_clouds(pair: CloudPair) -> Iterator[str]:
+    for name, cloud in (("source", pair.source_cloud), ("target", pair.target_cloud)):
+        if cloud.dropped_rows:
+            yield f"{cloud.dropped_rows} rows of the {name} were ignored: they hold NaN or infinity"
+
+
+def _about_convergence(result: Registration) -> Iterator[str]:
+    if not result.converged:
+        yield (
+            f"not converged after {result.iterations} iterations: raise max_iterations, or check"
+            " that the clouds show the same thing"
+        )
+
+
+def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[str]:
+    if evidence.accepted:
+        return
+    yield (
+        f"low confidence, do not trust this pose: {evidence.coverage:.0%} of the points lie near"
+        f" the target, and {evidence.surface_agreement:.0%} of the overlapping ones"
+        " (chance-corrected) lie on its surface; the clouds may overlap too little, or show"
+        " different things"
+    )
+    mismatch = describe_unit_mismatch(*pair.radii())
+    if mismatch:
+        yield mismatch
+
+
+def _about_ambiguity(result: Registration) -> Iterator[str]:
+    if result.ambiguous:
+        yield (
+            f"{len(result.alternatives)} other poses fit as well (see alternatives): the shape is"
+            " symmetric, or slides on itself"
+        )
+    if len(result.free_directions):
+        yield (
+            f"the pose is undetermined in {len(result.free_directions)} of 6 directions (see"
+            " free_directions): the surfaces slide on themselves"
+        )
+
+
+def _about_inliers(result: Registration) -> Iterator[str]:
+    if not len(result.inliers):
+        yield (
+            "no source point is within the inlier threshold"
+            f" {result.inliers.threshold:.6g} of the target"
+        )

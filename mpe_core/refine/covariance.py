@@ -1,0 +1,174 @@
+"""Covariance of a refined pose, and the directions in which it is not determined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.clouds.preprocess import Sample
+from mpe_core.geometry.cell_list import CellList, Points
+from mpe_core.geometry.rigid import cross_matrix
+from mpe_core.kernels.rigid_motion import update_pose
+from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
+
+Array = NDArray[np.float64]
+
+DEGENERACY_THRESHOLD = 2e-3
+"""Mean squared share of a unit motion along the normals under which a direction is degenerate:
+between the sliding directions of simple shapes and the worst of real scans (docs/tuning.md)."""
+
+DERIVATIVE_STEP = 0.3
+"""Step of the numerical derivative over the cut-off of the residuals. The points must change their
+planes: with fixed planes, noisy clouds look too exact (docs/tuning.md)."""
+
+DERIVATIVE_POINTS = 500
+"""Points that the derivative is taken on."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseUncertainty:
+    """Error of a pose T, as small motions exp(rotation vector, translation) T about an origin.
+
+    Radians, and radii of the smaller cloud; along the axes of the target.
+    """
+
+    covariance: Array
+    """(6, 6) covariance; of variance 1 along degenerate directions."""
+    degenerate_directions: Array
+    """(K, 6) motions that the surfaces do not resist."""
+
+    def of_inverse(self, T_target_source: Array) -> PoseUncertainty:
+        """Uncertainty of T_target_source, if this is that of its inverse."""
+        R, t = T_target_source[:3, :3], T_target_source[:3, 3]
+        adjoint = np.zeros((6, 6))
+        adjoint[:3, :3] = adjoint[3:, 3:] = R
+        adjoint[3:, :3] = cross_matrix(t) @ R
+        return self.transformed_by(adjoint)
+
+    def with_origin(self, origin: Array) -> PoseUncertainty:
+        """Uncertainty as motions about another origin (3,)."""
+        shift = np.eye(6)
+        shift[3:, :3] = -cross_matrix(origin)
+        return self.transformed_by(shift)
+
+    def in_unit(self, unit: float) -> PoseUncertainty:
+        """Uncertainty with translations in the caller's unit, `unit` of which are a radius."""
+        return self.transformed_by(np.diag([1.0] * 3 + [unit] * 3))
+
+    def transformed_by(self, change: Array) -> PoseUncertainty:
+        """Uncertainty of the motions change @ m, change (6, 6)."""
+        return PoseUncertainty(
+            change @ self.covariance @ change.T, self.degenerate_directions @ change.T
+        )
+
+
+def point_to_plane_uncertainty(
+    sample: Sample,
+    planes: TargetPlanes,
+    T: Array,
+    information: Array,
+    motion_basis: Array,
+    *,
+    smooth: bool,
+) -> PoseUncertainty:
+    """Estimate the uncertainty of a minimum of `minimize_point_to_plane`.
+
+    The sandwich N^-1 B N^-1 of an M-estimator (Huber 1967): N is the derivative of the gradient, in
+    which points change their planes, and B the scatter of the gradient over patches of the surface
+    as wide as a plane (Liang and Zeger 1986), since points of one patch share the errors of their
+    planes. The information (K, K) over the motion basis (6, K) tells the degenerate directions.
+    """
+    matches = match_planes(sample, planes, T, smooth=smooth)
+    gradients = _gradients(matches, planes.cutoff)
+    N = _stiffness(sample, planes, T, smooth=smooth)
+    B = _scatter_over_patches(matches, gradients, planes.radius)
+    return sandwich_covariance(N, B, information, motion_basis)
+
+
+def sandwich_covariance(
+    N: Array, B: Array, information: Array, motion_basis: Array
+) -> PoseUncertainty:
+    """Compute N^-1 B N^-1 in the directions that the information does not call degenerate."""
+    value, axes = np.linalg.eigh(information)
+    free = motion_basis @ axes[:, value < DEGENERACY_THRESHOLD]
+    known = motion_basis @ axes[:, value >= DEGENERACY_THRESHOLD]
+    half = np.linalg.solve(known.T @ N @ known, known.T)
+    covariance = free @ free.T + half.T @ (known.T @ B @ known) @ half
+    return PoseUncertainty(covariance, np.ascontiguousarray(free.T))
+
+
+def count_degenerate(information: Array) -> int:
+    """Count the directions that the information (K, K) calls degenerate."""
+    return int((np.linalg.eigvalsh(information) < DEGENERACY_THRESHOLD).sum())
+
+
+def surface_information(
+    sample: Sample, own_normals: Points, planes: TargetPlanes, T: Array, motion_basis: Array
+) -> Array:
+    """Compute the (K, K) mean of J_i J_i'^T over the motion basis (6, K).
+
+    J comes from the normals of the planes and J' from the sample's own normals (N, 3): the errors
+    of the two are independent, so that noise does not pass for shape.
+    """
+    matches = match_planes(sample, planes, T)
+    own = np.einsum("ij,nj->ni", T[:3, :3], own_normals)
+    own *= np.sign(np.einsum("ni,ni->n", own, matches.normals))[:, None]
+    known = matches.valid & (np.abs(own).sum(axis=1) > 0)
+    J, K = (_jacobian(matches.moved, normals)[known] for normals in (matches.normals, own))
+    product = _sum_of_products(J, K) / max(known.sum(), 1)
+    information: Array = motion_basis.T @ ((product + product.T) / 2) @ motion_basis
+    return information
+
+
+def _gradients(matches: Correspondences, cutoff: float) -> Array:
+    """(N, 6) gradients of Tukey's loss of the residuals; 0 beyond the cut-off."""
+    pull = matches.tukey_weights(cutoff) * matches.residuals().astype(np.float64)
+    return pull[:, None] * _jacobian(matches.moved, matches.normals)
+
+
+def _jacobian(points: Points, normals: Points) -> Array:
+    """(N, 6) derivative of the points' positions along the normals by a small motion."""
+    n = normals.astype(np.float64)
+    return np.concatenate([np.cross(points.astype(np.float64), n), n], axis=1)
+
+
+def _sum_of_products(J: Array, K: Array) -> Array:
+    """(6, 6) sum of J_i K_i^T over the rows."""
+    # no matrix product: BLAS may round differently with another number of threads
+    return np.asarray(np.einsum("ni,nj->ij", J, K))
+
+
+def _scatter_over_patches(matches: Correspondences, gradients: Array, patch: float) -> Array:
+    """(6, 6) sum over patches of the outer squares of the patches' sums."""
+    cells = CellList(matches.moved, patch, edge=patch)
+    sums = np.add.reduceat(gradients[cells.rows], cells.starts[:-1], axis=0)
+    return _sum_of_products(sums, sums)
+
+
+def _stiffness(sample: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) -> Array:
+    """(6, 6) derivative of the gradient, by central differences.
+
+    Held between a twentieth of the stiffness with fixed planes and all of it.
+    """
+    subset = sample.subset(DERIVATIVE_POINTS)
+    share = len(subset.points) / len(sample.points)
+    step = DERIVATIVE_STEP * planes.cutoff
+
+    def gradient(motion: Array) -> Array:
+        there = T.copy()
+        update_pose(there, motion)
+        matches = match_planes(subset, planes, there, smooth=smooth)
+        total: Array = _gradients(matches, planes.cutoff).sum(axis=0)
+        return total
+
+    N = np.column_stack([gradient(-d) - gradient(d) for d in step * np.eye(6)]) / (2 * step)
+    here = match_planes(subset, planes, T, smooth=smooth)
+    J = _jacobian(here.moved, here.normals)[here.tukey_weights(planes.cutoff) > 0]
+    fixed = np.linalg.cholesky(_sum_of_products(J, J) + (1e-9 * len(J) + 1e-12) * np.eye(6))
+    inner = np.linalg.solve(fixed, np.linalg.solve(fixed, (N + N.T) / 2).T)
+    value, axes = np.linalg.eigh((inner + inner.T) / 2)
+    side = fixed @ axes
+    stiffness: Array = (side * np.clip(value, 0.05, 1)) @ side.T / share
+    return stiffness

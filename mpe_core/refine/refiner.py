@@ -1,0 +1,21 @@
+"""Interface of the refiners."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.refine.covariance import PoseUncertainty
+from mpe_core.refine.minimum import Minimum
+
+
+class Refiner(Protocol):
+    """Method that brings a coarse pose to the minimum next to it."""
+
+    def refine(self, T: NDArray[np.float64]) -> Minimum:
+        """Find the minimum next to the pose T (4, 4)."""
+
+    def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
+        """Estimate the error of the minimum, as a motion about the target's origin."""

@@ -1,0 +1,53 @@
+"""Adapter that exchanges source and target of the point-to-plane refinement."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.geometry.rigid import inverse
+from mpe_core.refine.covariance import PoseUncertainty
+from mpe_core.refine.minimum import Minimum
+from mpe_core.refine.point_to_plane import PointToPlane
+from mpe_core.refine.target_planes import Correspondences
+
+Array = NDArray[np.float64]
+
+
+class SwappedPointToPlane:
+    """Point-to-plane of the target on planes of the source, for poses of the source on the target.
+
+    The only place where source and target are exchanged.
+    """
+
+    def __init__(self, inner: PointToPlane) -> None:
+        """Wrap a refiner of which the target is the moving cloud."""
+        self._inner = inner
+        self.radius = inner.radius
+
+    def point_spacing(self) -> float:
+        """Distance between neighbouring points of the source."""
+        return self._inner.point_spacing()
+
+    def refine(self, T: Array) -> Minimum:
+        """Find the minimum next to the pose T."""
+        return self._inner.refine(inverse(T)).inverse()
+
+    def match(self, T: Array) -> Correspondences:
+        """Match a sample of the target with the planes of the source, at the pose T."""
+        return self._inner.match(inverse(T))
+
+    def match_after_short_refinement(self, T: Array) -> Correspondences:
+        """Match a subset of the sample, after a few steps from the pose T."""
+        return self._inner.match_after_short_refinement(inverse(T))
+
+    def count_degenerate(self, T: Array) -> int:
+        """Count the directions in which the surfaces slide on themselves at the pose T."""
+        return self._inner.count_degenerate(inverse(T))
+
+    def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
+        """Estimate the error of the minimum, as a motion about the target's origin."""
+        return self._inner.uncertainty(minimum.inverse()).of_inverse(minimum.T)
+
+
+PlaneRefiner = PointToPlane | SwappedPointToPlane

@@ -1,0 +1,164 @@
+"""Local planes of a fixed cloud, and the points of a moving cloud matched with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.clouds.preprocess import Sample
+from mpe_core.clouds.surface import orient_normals
+from mpe_core.geometry.cell_list import CellList, Points
+from mpe_core.geometry.rigid import apply
+from mpe_core.kernels.plane_equations import plane_equations
+
+Array = NDArray[np.float64]
+
+PLANE_RADIUS, PLANE_RADIUS_SPACINGS, PLANE_RADIUS_NOISES = 0.04, 2.8, 6.0
+"""Radius of the planes in radii of the smaller cloud, in point spacings and in noises, whichever is
+largest. Smaller ones fail on LiDAR, larger ones lose small overlaps (docs/tuning.md)."""
+
+TUKEY_CUTOFF, TUKEY_CUTOFF_SPACINGS, TUKEY_CUTOFF_NOISES = 0.007, 0.45, 3.0
+"""Cut-off of Tukey's biweight in the same units. Smaller ones lose accuracy on LiDAR and in rooms,
+larger ones on clean scans (docs/tuning.md)."""
+
+SPACING_SUBSET_POINTS = 1000
+"""Points of which the neighbours are counted to estimate the spacing."""
+
+
+class TargetPlanes:
+    """Local planes at all points of a fixed cloud, fitted where they are first asked for."""
+
+    def __init__(
+        self, points: Points, spacing: float, noise: float = 0.0, viewpoint: Array | None = None
+    ) -> None:
+        """Choose radius and cut-off for the points (M, 3).
+
+        Parameters
+        ----------
+        points
+            (M, 3) points in radii of the smaller cloud.
+        spacing
+            Point spacing of the cloud's surface.
+        noise
+            Noise that the planes have to average.
+        viewpoint
+            (3,) position of the scanner, to which the normals are turned.
+        """
+        radius = max(PLANE_RADIUS, PLANE_RADIUS_SPACINGS * spacing, PLANE_RADIUS_NOISES * noise)
+        self.cells = CellList(points, radius)
+        self.cutoff = max(
+            TUKEY_CUTOFF, TUKEY_CUTOFF_SPACINGS * spacing, TUKEY_CUTOFF_NOISES * noise
+        )
+        self._normals = np.zeros_like(self.cells.points)
+        self._feet = self.cells.points.copy()
+        self._is_fitted = np.zeros(len(points), np.bool_)
+        self._viewpoint = viewpoint
+
+    @property
+    def radius(self) -> float:
+        """Radius of the planes, and reach of the matching."""
+        return float(self.cells.reach)
+
+    def planes_at(self, rows: NDArray[np.int32]) -> tuple[Points, Points]:
+        """Planes at the rows (N,) of `cells.points`.
+
+        Returns
+        -------
+        feet
+            (N, 3) points projected on their planes.
+        normals
+            (N, 3) unit normals; zero where too few points lie around. They point to the viewpoint,
+            or to either side if it is unknown.
+        """
+        new = np.unique(rows[~self._is_fitted[rows]])
+        if len(new):
+            points = self.cells.points[new]
+            planes = self.cells.planes(points)
+            normals = planes.normals
+            if self._viewpoint is not None:
+                normals = orient_normals(points, normals, self._viewpoint)
+            self._feet[new], self._normals[new] = planes.project(points), normals
+            self._is_fitted[new] = True
+        return self._feet[rows], self._normals[rows]
+
+    def point_spacing(self) -> float:
+        """Distance between neighbouring points, estimated from the number within the radius."""
+        points = self.cells.points
+        subset = points[:: max(1, len(points) // SPACING_SUBSET_POINTS)].copy()
+        count = self.cells.planes(subset).counts
+        return self.radius * float(np.sqrt(np.pi / np.median(count)))
+
+
+@dataclass(frozen=True, slots=True)
+class Correspondences:
+    """Points of a sample at a pose, each with the plane at the nearest point of the fixed cloud."""
+
+    moved: Points
+    """(N, 3) points of the sample at the pose."""
+    points: Points
+    """(N, 3) nearest points of the fixed cloud, or their projections on their planes."""
+    normals: Points
+    """(N, 3) unit normals of the planes; zero where too few points lie around."""
+    squared_distance: Points
+    """(N,) squared distances of the nearest points; infinite where none is in range."""
+    in_range: NDArray[np.bool_]
+    """(N,) whether a point of the fixed cloud is within the radius of the planes."""
+    valid: NDArray[np.bool_]
+    """(N,) whether it is in range and its normal does not oppose that of the sample."""
+
+    def distances(self) -> Array:
+        """(N,) distances of the nearest points; infinite where none is in range."""
+        return np.sqrt(self.squared_distance.astype(np.float64))
+
+    def residuals(self) -> Points:
+        """(N,) signed distances from the planes."""
+        residuals: Points = np.einsum("ni,ni->n", self.points - self.moved, self.normals)
+        return residuals
+
+    def tukey_weights(self, cutoff: float) -> Array:
+        """(N,) Tukey's weights of the residuals; 0 for points that are not valid."""
+        u = self.residuals().astype(np.float64) / cutoff
+        return np.where(self.valid, np.maximum(0, 1 - u**2) ** 2, 0)
+
+    def weighted_rms(self, cutoff: float) -> float:
+        """Root mean square of the residuals under Tukey's weights."""
+        weight, r = self.tukey_weights(cutoff), self.residuals().astype(np.float64)
+        return float(np.sqrt((weight * r**2).sum() / max(weight.sum(), 1e-30)))
+
+    def normal_equations(self, cutoff: float) -> tuple[Array, Array]:
+        """Compute the matrix (6, 6) and the right side (6,) of a Gauss-Newton step."""
+        H, g = plane_equations(
+            self.moved, self.points, self.normals, self.valid, np.float32(cutoff)
+        )
+        return H.sum(axis=0), g.sum(axis=0)
+
+
+def match_planes(
+    sample: Sample, target: TargetPlanes, T: Array, *, smooth: bool = False
+) -> Correspondences:
+    """Match the sample at the pose T with the planes of the target.
+
+    Parameters
+    ----------
+    sample
+        Points of the moving cloud.
+    target
+        Planes of the fixed cloud.
+    T
+        (4, 4) pose of the moving cloud in the frame of the fixed one.
+    smooth
+        Whether the planes are taken as fitted; otherwise each is moved to its point.
+    """
+    moved = apply(T, sample.points).astype(np.float32)
+    row, squared = target.cells.nearest(moved)
+    in_range = row >= 0
+    row = np.where(in_range, row, 0).astype(np.int32)
+    feet, normals = target.planes_at(row)
+    points = feet if smooth else target.cells.points[row]
+    valid = in_range
+    if sample.normals is not None:
+        outward = np.einsum("ij,nj->ni", T[:3, :3].astype(np.float32), sample.normals)
+        valid = in_range & (np.einsum("ni,ni->n", outward, normals) >= 0)
+    return Correspondences(moved, points, normals, squared, in_range, valid)
