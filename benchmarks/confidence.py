@@ -20,6 +20,7 @@ from benchmarks.symmetric import SHAPES
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.clouds.normalize import CloudPair as Centred
 from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply
 from mpe_core.pipeline import PosePipeline

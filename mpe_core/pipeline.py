@@ -173,7 +173,7 @@ def _plane_refiner(
 
 
 def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
-    """The first of the poses, and those that differ from it but fit as well."""
+    """Select the first pose, and those that differ from it but fit as well."""
     best = ordered[0].evidence
     poses = np.array([pose.minimum.T for pose in ordered])
     rows = distinct_rows(poses, -np.arange(len(ordered), dtype=np.float32), len(ordered))
