@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mpe_core.assess.inliers import inlier_threshold
 from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.nearest import NearestNeighbors
@@ -81,18 +80,6 @@ def test_a_bound_on_the_iterations_is_kept_and_reported(data):
     cloud = bunny(data)
     found = refined(apply(nudge(20, 0.1), cloud), cloud, np.eye(4), max_iterations=1)
     assert (found.converged, found.iterations) == (False, 1)
-
-
-def test_the_inlier_threshold_follows_the_noise_and_never_falls_below_the_spacing():
-    rng = np.random.default_rng(3)
-    residual = np.abs(rng.normal(size=1000))
-    stray = np.concatenate([residual, rng.uniform(10, 50, 500)])
-    assert inlier_threshold(np.zeros(100), None, 0.25) == 0.25
-    assert inlier_threshold(residual, 1.0, 0.25) == pytest.approx(3, rel=0.1)
-    assert inlier_threshold(stray, None, 0.25) == pytest.approx(3, rel=0.1)
-    assert inlier_threshold(7 * stray, None, 7 * 0.25) == pytest.approx(
-        7 * inlier_threshold(stray, None, 0.25)
-    )
 
 
 def test_points_are_their_own_nearest_neighbours(data):
