@@ -11,8 +11,8 @@ from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply, cross_matrix, inverse
-from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.kernels.potential_moments import potential_moments
+from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.refine.covariance import PoseUncertainty, sandwich_covariance
 from mpe_core.refine.minimum import Minimum
 from mpe_core.refine.point_to_plane import STEP_TOL
