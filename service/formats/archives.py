@@ -24,6 +24,9 @@ GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
 _BLOCK_BYTES = 1 << 20
 _MIN_ALLOWED_BYTES = 1 << 20
 """Expanded bytes that are allowed whatever the ratio; ratios of small files say nothing."""
+_CLUTTER = (".DS_Store", "Thumbs.db", "desktop.ini")
+_SIDECARS = (".mtl", ".png", ".jpg", ".jpeg", ".prj", ".pdf", ".md", ".json", ".xml")
+"""Extensions of files that may accompany a cloud; JSON and XML are never its only file."""
 _ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
@@ -76,12 +79,20 @@ def is_single_file_zip(path: Path) -> bool:
 
 
 def _only_file(archive: zipfile.ZipFile) -> zipfile.ZipInfo:
-    files = [info for info in archive.infolist() if not info.is_dir()]
-    if len(files) != 1:
+    files = [info for info in archive.infolist() if not (info.is_dir() or _is_clutter(info))]
+    clouds = [info for info in files if not info.filename.lower().endswith(_SIDECARS)]
+    if len(clouds) != 1:
+        names = ", ".join(repr(info.filename[-60:]) for info in (clouds or files)[:9])
         raise UnsupportedFileError(
-            f"the zip archive holds {len(files)} files; expected one cloud file"
+            f"the zip archive holds {len(files)} files ({names}); expected one cloud file"
         )
-    return files[0]
+    return clouds[0]
+
+
+def _is_clutter(info: zipfile.ZipInfo) -> bool:
+    """Whether an operating system added the file."""
+    parts = info.filename.split("/")
+    return "__MACOSX" in parts or parts[-1].startswith("._") or parts[-1] in _CLUTTER
 
 
 def _expand(content: IO[bytes] | gzip.GzipFile, target: Path, allowed: int) -> None:

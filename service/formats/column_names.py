@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-import re
+import contextlib
 from collections.abc import Sequence
 
 _XYZ = (
     ("x", "y", "z"),
     ("px", "py", "pz"),
     ("pos_x", "pos_y", "pos_z"),
+    ("point_x", "point_y", "point_z"),  # ArcGIS
+    ("x1", "y1", "z1"),  # Ouster
     ("easting", "northing", "elevation"),
     ("easting", "northing", "height"),
+    ("easting", "northing", "altitude"),
+    ("easting", "northing", "z"),
+    ("east", "north", "up"),
+    ("east", "north", "height"),
+    ("e", "n", "h"),
+    ("rechtswert", "hochwert", "höhe"),
+    ("rechtswert", "hochwert", "hoehe"),
+    ("rechts", "hoch", "höhe"),
+    ("rechts", "hoch", "hoehe"),
     ("points:0", "points:1", "points:2"),  # ParaView
     ("points_0", "points_1", "points_2"),
+    ("points_m_xyz:0", "points_m_xyz:1", "points_m_xyz:2"),  # VeloView
 )
 _NORMALS = (
     ("nx", "ny", "nz"),
@@ -20,6 +32,17 @@ _NORMALS = (
     ("normalx", "normaly", "normalz"),
     ("normals:0", "normals:1", "normals:2"),
 )
+_UNITS = ("_mm", "_cm", "_km", "_m", "_ft", "_in")
+_LATITUDES = {"lat", "latitude", "glat", "breite"}
+_LONGITUDES = {"lon", "long", "lng", "longitude", "glon", "laenge", "länge"}
+_COMMON = {
+    *("id", "index", "point", "nr", "name", "time", "timestamp", "t", "gpstime", "gps_time"),
+    *("intensity", "i", "reflectance", "reflectivity", "amplitude", "range", "distance"),
+    *("azimuth", "elevation", "r", "g", "b", "a", "red", "green", "blue", "alpha", "rgb"),
+    *("class", "classification", "label", "ring", "laser_id", "channel", "return", "error"),
+    *("alt", "altitude", "height", "z", "shotnumber", "velocity", "snr", "doppler", "weight"),
+}
+"""Names of columns that are no coordinates of their own."""
 
 
 def find_xyz(names: Sequence[str]) -> tuple[int, ...] | None:
@@ -32,16 +55,45 @@ def find_normals(names: Sequence[str]) -> tuple[int, ...] | None:
     return _find_triple(names, _NORMALS)
 
 
+def are_geographic(names: Sequence[str]) -> bool:
+    """Whether there are columns of latitude and longitude."""
+    bare = {_normalize(name) for name in names}
+    return bool(bare & _LATITUDES and bare & _LONGITUDES)
+
+
+def are_column_names(names: Sequence[str]) -> bool:
+    """Whether words of a comment are likely names of columns, and no prose."""
+    known = _COMMON | _LATITUDES | _LONGITUDES
+    count = sum(_normalize(name) in known for name in names)
+    is_upper_case = bool(names) and all(
+        name == name.upper() and name[:1].isalpha() for name in names
+    )
+    return is_upper_case or 2 * count >= len(names) > 0
+
+
 def _find_triple(
     names: Sequence[str], triples: Sequence[tuple[str, ...]]
 ) -> tuple[int, ...] | None:
+    if len(names) < 3:
+        return None
     bare = [_normalize(name) for name in names]
+    known = set(bare)
     for triple in triples:
-        if all(bare.count(part) == 1 for part in triple):
+        if known.issuperset(triple) and all(bare.count(part) == 1 for part in triple):
             return tuple(bare.index(part) for part in triple)
     return None
 
 
 def _normalize(name: str) -> str:
-    """Convert to lower case, without quotes and without a unit in brackets."""
-    return re.sub(r"\s*[\[(].*[\])]$", "", name.strip().strip("\"'").lower())
+    """Convert to lower case, without quotes and without a unit."""
+    bare = name.strip().strip("\"'").lower()
+    if not bare.isascii():
+        with contextlib.suppress(UnicodeError):  # UTF-8 that was decoded as Latin-1
+            bare = name.strip().strip("\"'").encode("latin1").decode("utf8").lower()
+    if bare.endswith(("]", ")")):
+        openings = [at for at in (bare.find("["), bare.find("(")) if at > 0]
+        bare = bare[: min(openings)].rstrip() if openings else bare
+    for unit in _UNITS:
+        if bare.endswith(unit) and len(bare) > len(unit):
+            return bare.removesuffix(unit)
+    return bare

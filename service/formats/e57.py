@@ -6,6 +6,7 @@ import re
 import struct
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +90,21 @@ def _check_header(path: Path) -> None:
         raise UnsupportedFileError(
             "the XML declares a document type or entities, which are not read"
         )
+    _check_prototypes(xml)
+
+
+def _check_prototypes(xml: bytes) -> None:
+    """Check that the points of each scan have a prototype: libE57 crashes without one."""
+    try:
+        root = ElementTree.fromstring(xml)  # noqa: S314  without document type and entities
+    except ElementTree.ParseError as error:
+        raise MalformedFileError(f"the XML is not well-formed: {short_reason(error)}") from None
+    points = [item for item in root.iter() if item.tag.rpartition("}")[2] == "points"]
+    for number, item in enumerate(points):
+        if not any(child.tag.rpartition("}")[2] == "prototype" and len(child) for child in item):
+            raise MalformedFileError(
+                f"the points of scan {number} have no prototype, which lists their fields"
+            )
 
 
 def _read_scan(file: Any, header: Any) -> NDArray[np.float64]:

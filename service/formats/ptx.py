@@ -2,31 +2,55 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
-from service.formats.errors import MalformedFileError
+from service.formats.errors import FileLimitError, MalformedFileError
 from service.formats.multi_scan import select_scans
+from service.formats.numerals import is_number
 from service.formats.text_table import read_columns
 
-_NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_LINE = rb"[ \t]*\r?\n"
-_HEADER = re.compile(
-    rb"[ \t]*(\d{1,9})" + _LINE + rb"[ \t]*(\d{1,9})" + _LINE
-    + rb"((?:[ \t]*" + rb"[ \t]+".join([_NUMBER] * 3) + _LINE + rb"){4})"
-    + rb"((?:[ \t]*" + rb"[ \t]+".join([_NUMBER] * 4) + _LINE + rb"){4})"
-)  # fmt: skip
 _HEADER_LINES = 10
 _MAX_SCANS = 1000
+_MAX_HEADER_BYTES = 4096
+"""Bytes that the ten lines of a header may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class _PtxHeader:
+    """Ten lines: columns, rows, four of the scanner's pose, and four of the matrix."""
+
+    count: int
+    """Number of points: columns times rows."""
+    matrix: NDArray[np.float64]
+    """(4, 4), for row vectors."""
+    size: int
+    """Bytes of the header."""
+
+
+def _parse_header(head: bytes) -> _PtxHeader | None:
+    """Parse the header at the start of the bytes; None if there is none."""
+    lines = head[:_MAX_HEADER_BYTES].split(b"\n", _HEADER_LINES)
+    if len(lines) <= _HEADER_LINES:
+        return None
+    rows = [line.decode("latin1").split() for line in lines[:_HEADER_LINES]]
+    if [len(row) for row in rows] != [1, 1, 3, 3, 3, 3, 4, 4, 4, 4]:
+        return None
+    if not all(row[0].isdecimal() and len(row[0]) < 10 for row in rows[:2]):
+        return None
+    if not all(is_number(word) for row in rows[2:] for word in row):
+        return None
+    size = sum(len(line) + 1 for line in lines[:_HEADER_LINES])
+    return _PtxHeader(int(rows[0][0]) * int(rows[1][0]), np.array(rows[6:], float), size)
 
 
 def sniff(head: bytes) -> bool:
     """Whether the bytes begin with two counts, four lines of three and four of four numbers."""
-    return _HEADER.match(head) is not None
+    return _parse_header(head) is not None
 
 
 def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
@@ -45,19 +69,23 @@ def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
     while offset < size:
         with path.open("rb") as file:
             file.seek(offset)
-            head = file.read(limits.max_header_bytes)
+            head = file.read(_MAX_HEADER_BYTES)
         if scans and not head.strip():
             break
-        found = _HEADER.match(head)
-        if found is None or len(scans) >= _MAX_SCANS:
-            raise MalformedFileError(f"line {line}: no header of a PTX scan")
-        count = int(found[1]) * int(found[2])
+        header = _parse_header(head)
+        if header is None:
+            raise MalformedFileError(
+                f"line {line}: expected the ten lines of a PTX header (columns, rows, pose, matrix)"
+            )
+        if len(scans) >= _MAX_SCANS:
+            raise FileLimitError(f"line {line}: more than {_MAX_SCANS} scans")
+        count = header.count
         total = count + sum(map(len, scans))
         check_count(total, 0, 0, f"line {line}", limits)
         check_count(count, 6, size - offset, f"line {line}", limits)
-        offset, line = offset + found.end(), line + _HEADER_LINES
+        offset, line = offset + header.size, line + _HEADER_LINES
         points = read_columns(path, offset, line, (0, 1, 2), limits, rows=count)
-        scans.append(_transform(points, np.array(found[4].split(), float).reshape(4, 4)))
+        scans.append(_transform(points, header.matrix))
         offset, line = _skip_lines(path, offset, count), line + count
     wanted, warnings = select_scans(len(scans), scan)
     return DecodedCloud(np.concatenate([scans[i] for i in wanted]), "ptx", warnings)

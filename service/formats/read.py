@@ -15,10 +15,16 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
+from service.formats.foreign import foreign_format
+from service.formats.kitti import are_float_rows
 from service.formats.registry import FORMATS, Format, ReadChoice
 
 SNIFFED_BYTES = 4096
 """Bytes at the start of a file that decide its format."""
+_FLOAT_ROWS = (
+    "; it looks like rows of float32: declare the format 'kitti' if they have four columns, "
+    "else save the array as .npy"
+)
 EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples")
 """Choices that are an error for a format without them."""
 ReadChoices = dict[ReadChoice, int | str | None]
@@ -145,10 +151,17 @@ def _detect(path: Path) -> Format:
         head = file.read(SNIFFED_BYTES)
     format = _match(head)
     if format is None:
+        if (foreign := foreign_format(head)) is not None:
+            raise UnknownFormatError(f"the file looks like {foreign}")
         names = ", ".join(format.name for format in FORMATS)
-        raise UnknownFormatError(f"the file begins with {head[:16]!r}: none of the formats {names}")
+        hint = _FLOAT_ROWS if are_float_rows(head) else ""
+        raise UnknownFormatError(
+            f"the file begins with {head[:16]!r}: none of the formats {names}{hint}"
+        )
     return format
 
 
 def _match(head: bytes) -> Format | None:
+    if foreign_format(head) is not None:
+        return None
     return next((item for item in FORMATS if item.sniff and item.sniff(head)), None)

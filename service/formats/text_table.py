@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
@@ -12,9 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import ReadLimits
-from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
+from service.formats.errors import (
+    CloudFileError,
+    FileLimitError,
+    MalformedFileError,
+    TruncatedFileError,
+)
+from service.formats.numerals import is_missing, is_number
 
 _BLOCK_BYTES = 1 << 20
+_COMMENT = re.compile(r"(?<!\.)#")
+"""Beginning of a comment, but not the sign in 1.#QNAN, as Windows writes NaN."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +36,8 @@ class Dialect:
     """First word, column 0, of the lines to read; empty: all lines are read."""
     decimal_comma: bool = False
     """Whether commas are decimal points."""
+    has_counts: bool = False
+    """Whether a line of one whole number announces the rows that follow, as in PTS."""
 
 
 PLAIN = Dialect()
@@ -42,6 +53,7 @@ def read_columns(
     *,
     rows: int | None = None,
     dialect: Dialect = PLAIN,
+    cleaner: TableCleaner | None = None,
 ) -> NDArray[np.float64]:
     """Parse columns of numbers; blank lines and comments (#) are skipped.
 
@@ -61,6 +73,9 @@ def read_columns(
         Number of rows to read; None for all.
     dialect
         How the numbers are written.
+    cleaner
+        Rewrites unusual lines; used only where the plain parser fails, because it is slower. None:
+        comments are removed and words for missing values are read.
 
     Returns
     -------
@@ -76,29 +91,120 @@ def read_columns(
     FileLimitError
         A line is too long, or there are too many.
     """
-    lines = _count_lines(path, offset, first_line, limits)
-    with path.open(encoding="latin1", newline="\n") as file, warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", UserWarning
-        )  # about blank lines and missing data: checked below
-        file.seek(offset)
+    count = _count_lines(path, offset, first_line, limits)
+    max_rows = min(count, limits.max_points + 1 if rows is None else rows)
+    cleaner = cleaner or TableCleaner(dialect, columns, accepts_commas=False)
+    try:
+        table = _parse(path, offset, columns, max_rows, dialect, None)
+    except ValueError:
         try:
-            table = np.loadtxt(
-                _normalize_lines(file, dialect),
-                delimiter=dialect.delimiter,
-                usecols=tuple(columns),
-                max_rows=min(lines, limits.max_points + 1 if rows is None else rows),
-                comments="#",
-                ndmin=2,
-            )
+            table = _parse(path, offset, columns, max_rows, dialect, cleaner)
+        except CloudFileError:
+            raise
         except ValueError as error:
-            raise _find_first_error(path, offset, first_line, columns, dialect, error) from None
+            again = TableCleaner(dialect, columns, accepts_commas=cleaner.accepts_commas)
+            raise _find_first_error(path, offset, first_line, again, error) from None
     table = table.reshape(-1, len(columns))
     if len(table) > limits.max_points:
         raise FileLimitError(f"the file has more than {limits.max_points} rows, the limit")
     if rows is not None and len(table) < rows:
         raise TruncatedFileError(f"the file ends after {len(table)} of {rows} announced rows")
     return table
+
+
+def _parse(
+    path: Path,
+    offset: int,
+    columns: Sequence[int],
+    max_rows: int,
+    dialect: Dialect,
+    cleaner: TableCleaner | None,
+) -> NDArray[np.float64]:
+    with path.open(encoding="latin1", newline="\n") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # about blank lines and missing data
+        file.seek(offset)
+        return np.loadtxt(
+            _normalize_lines(file, dialect)
+            if cleaner is None
+            else cleaner.clean(_normalize_lines(file, dialect)),
+            delimiter=dialect.delimiter if cleaner is None else ",",
+            usecols=tuple(columns) if cleaner is None else None,
+            max_rows=max_rows,
+            comments=None,  # the cleaner removes them: 1.#QNAN has none
+            ndmin=2,
+        )
+
+
+@dataclass(slots=True)
+class TableCleaner:
+    """Rewrites the wanted columns of lines whose meaning is clear although they are no numbers.
+
+    Quotes are removed, missing values become NaN, decimal commas become points where commas do not
+    separate the fields, and lines of counts are collected.
+    """
+
+    dialect: Dialect
+    columns: Sequence[int]
+    accepts_commas: bool = True
+    """Whether numbers may have decimal commas."""
+    counts: list[int] = field(default_factory=list)
+    """Rows announced by lines of one whole number."""
+    missing_rows: int = 0
+    """Rows without any value."""
+    has_points: bool = False
+    """Whether a number has a decimal point."""
+    has_commas: bool = False
+    """Whether a number has a decimal comma."""
+
+    def clean(self, lines: Iterable[str]) -> Iterator[str]:
+        """Yield the wanted columns of each line, separated by commas.
+
+        Raises
+        ------
+        MalformedFileError
+            Some numbers have decimal points, and some have commas.
+        """
+        for line in lines:
+            text = _COMMENT.split(line, maxsplit=1)[0].strip().replace('"', "")
+            if not text:
+                continue
+            if self.dialect.has_counts and text.isdecimal() and len(text) < 19:
+                self.counts.append(int(text))
+                continue
+            fields = text.split(self.dialect.delimiter)
+            if len(fields) <= max(self.columns) or "\r" in text:
+                yield "too few fields"
+                continue
+            yield ",".join(self._clean_fields([fields[i].strip() for i in self.columns]))
+            if self.has_points and self.has_commas:
+                raise MalformedFileError(
+                    f"{text[:60]!r}: some numbers have decimal points, and some have commas; "
+                    "write all in the same way"
+                )
+
+    def _clean_fields(self, fields: list[str]) -> list[str]:
+        if not any(fields):
+            self.missing_rows += 1
+            return ["nan"] * len(fields)
+        cleaned = ["nan" if item and is_missing(item) else item for item in fields]
+        self.has_points |= any("." in item for item in cleaned)
+        if (
+            self.accepts_commas
+            and self.dialect.delimiter != ","
+            and any("," in item for item in cleaned)
+        ):
+            self.has_commas = True
+            return [item.replace(",", ".") for item in cleaned]
+        return cleaned
+
+    def warnings(self) -> tuple[str, ...]:
+        """Describe what was rewritten."""
+        found = []
+        if self.has_commas:
+            found.append("commas are read as decimal points")
+        if self.missing_rows:
+            found.append(f"{self.missing_rows} rows without values are read as NaN")
+        return tuple(found)
 
 
 def _normalize_lines(lines: Iterable[str], dialect: Dialect) -> Iterable[str]:
@@ -140,44 +246,29 @@ def _count_lines(path: Path, offset: int, first_line: int, limits: ReadLimits) -
 
 
 def _find_first_error(
-    path: Path,
-    offset: int,
-    first_line: int,
-    columns: Sequence[int],
-    dialect: Dialect,
-    error: ValueError,
+    path: Path, offset: int, first_line: int, cleaner: TableCleaner, error: ValueError
 ) -> MalformedFileError:
     """Find the first line without a number in one of the columns."""
+    dialect, columns = cleaner.dialect, cleaner.columns
     with path.open("rb") as file:
         file.seek(offset)
         for number, raw in enumerate(file, first_line):
-            line = raw.decode("latin1")
-            if not line.strip() or line.lstrip().startswith("#"):
+            line = next(iter(_normalize_lines([raw.decode("latin1")], dialect)), "")
+            fields = _COMMENT.split(line, maxsplit=1)[0].strip().split(dialect.delimiter)
+            words = next(iter(cleaner.clean([line])), None)
+            if words is None:
                 continue
-            if not list(_normalize_lines([line], dialect)):
-                continue
-            fields = line.split("#")[0].strip().split(dialect.delimiter)
             if len(fields) <= max(columns):
                 return MalformedFileError(
                     f"line {number}: {len(fields)} fields; expected at least {max(columns) + 1}"
                 )
-            for column in columns:
-                field = fields[column]
-                point = field.replace(",", ".") if dialect.decimal_comma else field
-                if not _is_number(point) or "\r" in line.rstrip("\r\n"):
+            for column, word in zip(columns, words.split(","), strict=False):
+                if not is_number(word) or "\r" in line.rstrip("\r\n"):
                     return MalformedFileError(
-                        f"line {number}: {field[:40].strip()!r} in column {column + 1} "
+                        f"line {number}: {fields[column].strip()[:40]!r} in column {column + 1} "
                         "is not a number"
                     )
     return MalformedFileError(f"after line {first_line}: {error}")
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return "_" not in field
 
 
 def read_head_lines(path: Path, limits: ReadLimits) -> list[str]:

@@ -24,14 +24,16 @@ SEED = 0
 """Seed of the surface samples: the same file gives the same points."""
 _STL_HEADER_BYTES, _STL_ROW_BYTES = 84, 50
 _SNIFFED_TRIANGLES = 20
+_MIN_COORDINATE = 1e-30
+"""Magnitude below which a number is no rounding noise, but an integer read as float."""
 _MAX_COORDINATE = 1e12
 """Magnitude that a coordinate may have; a quarter of random floats are in the range."""
 
 
 def sniff_stl(head: bytes) -> bool:
     """Whether it is an ASCII solid, or the first triangles of a binary one are plausible."""
-    if head.lstrip().startswith(b"solid") and b"facet" in head and b"\0" not in head:
-        return True
+    if b"\0" not in head:  # text, or a binary file of more triangles than are read
+        return head.lstrip().startswith(b"solid") and b"facet" in head
     body = head[_STL_HEADER_BYTES:]
     rows = min(len(body) // _STL_ROW_BYTES, _SNIFFED_TRIANGLES)
     if rows == 0 or struct.unpack_from("<I", head, 80)[0] < rows:
@@ -40,7 +42,7 @@ def sniff_stl(head: bytes) -> bool:
     floats = np.frombuffer(body, layout, rows)["floats"]
     with np.errstate(invalid="ignore"):
         sizes = np.abs(floats)
-        plausible = (sizes < _MAX_COORDINATE) & ((sizes > 1 / _MAX_COORDINATE) | (sizes == 0))
+        plausible = (sizes < _MAX_COORDINATE) & ((sizes > _MIN_COORDINATE) | (sizes == 0))
     return bool(plausible.all() and (floats[:, 3:] != 0).any())
 
 

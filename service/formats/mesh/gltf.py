@@ -16,6 +16,7 @@ from service.formats.errors import (
 )
 
 MAGIC = b"glTF"
+_TOP_LEVEL_KEYS = (b"asset", b"accessors", b"buffers", b"bufferViews", b"meshes")
 _MAX_JSON_BYTES = 64 << 20
 _MAX_NODES = 100_000
 _MAX_DEPTH = 100
@@ -23,8 +24,12 @@ _MAX_DEPTH = 100
 
 
 def sniff(head: bytes) -> bool:
-    """Whether it is a .glb, or JSON with the key "asset", as in .gltf."""
-    return head.startswith(MAGIC) or (head.lstrip()[:1] == b"{" and b'"asset"' in head)
+    """Whether it is a .glb, or JSON with a key of the glTF schema."""
+    if head.startswith(MAGIC):
+        return True
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"{" and any(
+        b'"%s"' % key in head for key in _TOP_LEVEL_KEYS
+    )
 
 
 def check_gltf(path: Path, limits: ReadLimits) -> str:
@@ -73,8 +78,9 @@ def _check_binary_header(head: bytes, size: int) -> int:
 
 
 def _check_document(document: dict[str, Any], size: int, limits: ReadLimits) -> None:
-    for item in [*document.get("buffers", []), *document.get("images", [])]:
-        if not str(item.get("uri", "data:")).startswith("data:"):
+    for item in document.get("buffers", []):
+        uri = str(item.get("uri", "data:;base64,"))
+        if not (uri.startswith("data:") and ";base64," in uri[:200]):
             raise UnsupportedFileError(
                 "the file refers to data in other files; send a .glb with all data embedded"
             )

@@ -7,20 +7,28 @@ from pathlib import Path
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
+from service.formats.numerals import significant_line
 from service.formats.text_table import Dialect, read_columns, read_head_lines
 
-_OBJ = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:v|vn|vt|o|g|s|f|mtllib|usemtl)[ \t]")
-_OFF = re.compile(rb"(?:\s*#[^\n]*\n)*\s*(?:ST)?C?N?OFF\s")
+_OBJ_KEYWORDS = {b"v", b"vn", b"vt", b"vp", b"o", b"g", b"s", b"f", b"l", b"mtllib", b"usemtl"}
+_OFF_WORD = re.compile(r"(?:ST)?C?N?OFF(\d{0,18})")
+"""Keyword of OFF, in some files joined to the number of vertices."""
 
 
 def sniff_obj(head: bytes) -> bool:
     """Whether the first line that is no comment is an OBJ statement."""
-    return _OBJ.match(head) is not None
+    if b"\0" in head:
+        return False
+    words = significant_line(head).split()
+    if words[:1] in ([b"g"], [b"o"], [b"s"]):
+        return True
+    return len(words) > 1 and words[0] in _OBJ_KEYWORDS
 
 
 def sniff_off(head: bytes) -> bool:
     """Whether the first line that is no comment begins with OFF, COFF, NOFF or the like."""
-    return _OFF.match(head) is not None and b"BINARY" not in head[:80]
+    words = significant_line(head).decode("latin1").split(maxsplit=2)
+    return bool(words) and _OFF_WORD.fullmatch(words[0]) is not None and words[1:2] != ["BINARY"]
 
 
 def read_obj(path: Path, limits: ReadLimits) -> DecodedCloud:
@@ -45,19 +53,22 @@ def read_off(path: Path, limits: ReadLimits) -> DecodedCloud:
     CloudFileError
         The file is malformed; the message names the line.
     """
-    words: list[str] = []
+    counts: list[str] = []
     lines = read_head_lines(path, limits)
     number = 0
     for number, line in enumerate(lines, 1):  # noqa: B007
-        words += line.split("#")[0].split()
-        if len(words) >= 4 or (len(words) >= 2 and not words[1].isdecimal()):
+        words = line.split("#")[0].split()
+        if words and (keyword := _OFF_WORD.fullmatch(words[0])):
+            words = [keyword[1], *words[1:]] if keyword[1] else words[1:]
+        counts += words
+        if counts:
             break
-    if len(words) != 4 or not all(word.isdecimal() and len(word) < 19 for word in words[1:]):
+    if len(counts) not in (2, 3) or not all(w.isdecimal() and len(w) < 19 for w in counts):
         raise MalformedFileError(
             f"line {number}: expected OFF and the numbers of vertices, faces and edges, "
-            f"found {words[:5]}"
+            f"found {counts[:5]}"
         )
-    offset, count = sum(len(line) + 1 for line in lines[:number]), int(words[1])
+    offset, count = sum(len(line) + 1 for line in lines[:number]), int(counts[0])
     check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
     points = read_columns(path, offset, number + 1, (0, 1, 2), limits, rows=count)
     return DecodedCloud(points, "off")

@@ -6,7 +6,6 @@ LZF.
 
 from __future__ import annotations
 
-import re
 import struct
 from pathlib import Path
 
@@ -18,17 +17,18 @@ from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.libraries import import_library
 from service.formats.memory_map import map_file
+from service.formats.numerals import significant_line
 from service.formats.pcd.header import PcdHeader, parse_header
 from service.formats.text_table import ends_with_newline, read_columns
 
-_START = re.compile(rb"(\s*#[^\n]*\n)*\s*(VERSION|FIELDS|COLUMNS)\s")
+_FIRST_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
 _MAX_LZF_RATIO = 88
 """Ratio of expanded to compressed bytes: LZF expands 3 bytes to at most 264."""
 
 
 def sniff(head: bytes) -> bool:
     """Whether the first line that is no comment belongs to a PCD header."""
-    return _START.match(head) is not None
+    return significant_line(head).split(maxsplit=1)[:1] in ([key] for key in _FIRST_KEYS)
 
 
 def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:

@@ -10,6 +10,7 @@ from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _TYPES = {"F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"}
 
 
@@ -54,7 +55,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PcdHeader:
         The header is malformed or too long; the message names the line.
     """
     values: dict[str, list[str]] = {}
-    offset = 0
+    offset = len(_BYTE_ORDER_MARK) if head.startswith(_BYTE_ORDER_MARK) else 0
     for number in range(1, limits.max_header_lines + 1):
         end = head.find(b"\n", offset)
         if end < 0:
@@ -65,7 +66,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PcdHeader:
             continue
         key = "FIELDS" if key == "COLUMNS" else key
         if key == "DATA":
-            return _build_header(values, " ".join(rest), offset, number, limits)
+            return _build_header(values, " ".join(rest).lower(), offset, number, limits)
         if key not in _KEYS or key in values:
             raise MalformedFileError(
                 f"line {number}: {key[:40]!r} is unknown or repeated; expected one of "
@@ -121,7 +122,7 @@ def _parse_point_count(values: dict[str, list[str]]) -> int:
     (width,) = _parse_counts(values, "WIDTH", [0])
     (height,) = _parse_counts(values, "HEIGHT", [1])
     (points,) = _parse_counts(values, "POINTS", [width * height])
-    if "WIDTH" in values and points != width * height:
+    if width * height and points != width * height:
         raise MalformedFileError(f"POINTS {points}, but WIDTH x HEIGHT is {width * height}")
     return points
 

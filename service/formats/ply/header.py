@@ -14,6 +14,7 @@ _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
     "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
     "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "int64": "i8", "uint64": "u8", "bool": "u1",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 _ORDERS: dict[str, Order] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -94,8 +95,10 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
                         f"line {number}: end_header without a format line before it"
                     )
                 for element in elements:
-                    if not element.properties:
-                        raise MalformedFileError(f"element {element.name[:40]!r} has no properties")
+                    if not element.properties and element.count:
+                        raise MalformedFileError(
+                            f"element {element.name[:40]!r} has rows but no properties"
+                        )
                 return PlyHeader(order, elements, offset, number)
             case ["format", name, "1.0"] if name in _ORDERS and order is None:
                 order = _ORDERS[name]

@@ -49,3 +49,31 @@ def test_two_files_in_a_zip_are_not_clear(tmp_path: Path) -> None:
         archive.writestr("b.ply", ply())
     with pytest.raises(UnsupportedFileError, match="2 files"):
         read_points(write_file(tmp_path, file.getvalue()))
+
+
+def zip_members(**members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return file.getvalue()
+
+
+CLUTTERED = {
+    "Mac": {"a.ply": ply(), "__MACOSX/._a.ply": b"\0\5\x16\7", ".DS_Store": b"\0\0\0\1Bud1"},
+    "Mac, in a folder": {"b/a.ply": ply(), "b/.DS_Store": b"\0", "__MACOSX/b/._a.ply": b"\0"},
+    "Windows": {"a.ply": ply(), "Thumbs.db": b"\0", "desktop.ini": b"[a]"},
+    "OBJ with material and picture": {"a.obj": obj(), "a.mtl": b"newmtl a\n", "a.PNG": b"\x89PNG"},
+}
+
+
+@pytest.mark.parametrize("case", CLUTTERED)
+def test_files_beside_the_cloud_are_ignored(tmp_path: Path, case: str) -> None:
+    path = write_file(tmp_path, zip_members(**CLUTTERED[case]))
+    np.testing.assert_array_equal(read_points(path).points.astype(np.float32), POINTS)
+
+
+def test_files_of_an_unclear_zip_are_named(tmp_path: Path) -> None:
+    path = write_file(tmp_path, zip_members(**{"a.xyz": ply(), "b.xyz": ply(), ".DS_Store": b""}))
+    with pytest.raises(UnsupportedFileError, match=r"2 files \('a.xyz', 'b.xyz'\)"):
+        read_points(path)

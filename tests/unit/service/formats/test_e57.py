@@ -9,7 +9,7 @@ import pytest
 
 from service.formats import MalformedFileError, read_points
 from tests.factories.decoding import write_file
-from tests.factories.scanner_files import DOUBLES, e57
+from tests.factories.scanner_files import DOUBLES, e57, whole_e57
 
 
 def test_scans_are_merged_or_picked(tmp_path: Path) -> None:
@@ -23,3 +23,14 @@ def test_scans_are_merged_or_picked(tmp_path: Path) -> None:
     for scan in (-1, 2):
         with pytest.raises(MalformedFileError, match="the file has 2"):
             read_points(path, scan=scan)
+
+
+@pytest.mark.parametrize("mode", ["other element", "none"])
+def test_points_without_a_prototype_are_refused(tmp_path: Path, mode: str) -> None:
+    """libE57 reads through a null pointer, which ends the process."""
+    content = e57().replace(b"prototype", b"prototypf")
+    if mode == "none":
+        start, end = content.index(b"<prototypf"), content.index(b"</prototypf>") + 12
+        content = content[:start] + b" " * (end - start) + content[end:]
+    with pytest.raises(MalformedFileError, match="no prototype"):
+        read_points(write_file(tmp_path, whole_e57(content)))

@@ -30,3 +30,12 @@ def test_kitti(tmp_path: Path) -> None:
     )
     with pytest.raises(MalformedFileError, match="639 bytes"):
         read_points(write_file(tmp_path, kitti()[:-1]), format="kitti")
+
+
+@pytest.mark.parametrize("columns", [3, 5, 6])
+def test_rows_of_another_length_are_refused(tmp_path: Path, columns: int) -> None:
+    rng = np.random.default_rng(0)
+    extra = rng.integers(0, 255, (4000, columns - 3))
+    rows = np.hstack([rng.normal(0, 20, (4000, 3)), extra]).astype("<f4")
+    with pytest.raises(MalformedFileError, match=r"columns as \.npy"):
+        read_points(write_file(tmp_path, rows.tobytes()), format="kitti")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from service.formats import CloudFileError, FileLimitError, ReadLimits, read_points
-from tests.factories.decoding import write_file
-from tests.factories.scanner_files import DOUBLES, glb, obj, off, stl_binary
+from tests.factories.cloud_files import POINTS, text_rows
+from tests.factories.decoding import decode, write_file
+from tests.factories.scanner_files import DOUBLES, FACES, glb, gltf, obj, off, stl_binary
 
 REAL = [
     ("formats/mesh.obj", 5623, (8.902039, 14.477572, 22.889115)),
@@ -70,3 +72,49 @@ def test_refused(tmp_path: Path, content: bytes, words: str) -> None:
     path = write_file(tmp_path, content)
     with pytest.raises(CloudFileError, match=words):
         read_points(path)
+
+
+FACES_TEXT = b"".join(b"3 %d %d %d\n" % tuple(face) for face in FACES)
+OFF_FILES = {
+    "ModelNet": b"OFF40 38 0\n" + text_rows(POINTS) + FACES_TEXT,
+    "comment behind the counts": b"\t  OFF40 38 0 # or nah\n" + text_rows(POINTS) + FACES_TEXT,
+    "two counts": b"OFF\n40 38\n" + text_rows(POINTS) + FACES_TEXT,
+    "counts in the first line": b"OFF 40 38 0\n" + text_rows(POINTS) + FACES_TEXT,
+    "colours": b"COFF\n40 0 0\n" + text_rows(POINTS, " ", " 255 0 0 255\n"),
+}
+
+
+@pytest.mark.parametrize("case", OFF_FILES)
+def test_off_headers(tmp_path: Path, case: str) -> None:
+    cloud = decode(tmp_path, OFF_FILES[case])
+    assert cloud.format == "off"
+    np.testing.assert_array_equal(cloud.points.astype(np.float32), POINTS)
+
+
+@pytest.mark.parametrize("first", ["g", "o", "s off", "\ufeffv 0 0 0", "  v 0 0 0", "vp 1 2"])
+def test_obj_first_lines(tmp_path: Path, first: str) -> None:
+    content = f"{first}\n".encode() + b"".join(
+        b"v " + row + b"\n" for row in text_rows(POINTS).splitlines()
+    )
+    cloud = decode(tmp_path, content)
+    assert cloud.format == "obj"
+    np.testing.assert_array_equal(cloud.points[-40:].astype(np.float32), POINTS)
+
+
+def test_gltf_with_its_asset_at_the_end(tmp_path: Path) -> None:
+    document = json.loads(gltf())
+    asset = document.pop("asset")
+    content = json.dumps(document | {"extras": "x" * 5000, "asset": asset}).encode()
+    np.testing.assert_allclose(decode(tmp_path, content).points, DOUBLES, atol=2e-5)
+
+
+def test_pictures_in_other_files_are_not_needed(tmp_path: Path) -> None:
+    content = glb(images=[{"uri": "../../etc/picture.jpg"}])
+    np.testing.assert_allclose(decode(tmp_path, content).points, DOUBLES, atol=2e-5)
+
+
+@pytest.mark.parametrize("uri", ["data:/0123abcd", "data:application/octet-stream,abc", "a.bin"])
+def test_buffers_are_embedded_in_base64(tmp_path: Path, uri: str) -> None:
+    """Other URIs would be resolved as names of files beside the cloud."""
+    with pytest.raises(CloudFileError, match="other files"):
+        decode(tmp_path, glb(buffers=[{"byteLength": 9, "uri": uri}]))

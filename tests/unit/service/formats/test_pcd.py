@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from service.formats import MalformedFileError
-from tests.factories.cloud_files import pcd
+from tests.factories.cloud_files import POINTS, pcd
 from tests.factories.decoding import decode
 
 
@@ -32,3 +33,18 @@ def test_what_is_not_clear_is_an_error_that_names_the_place(tmp_path: Path, case
     with pytest.raises(MalformedFileError) as caught:
         decode(tmp_path, content)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"WIDTH 20\nHEIGHT 2", b"WIDTH 0\nHEIGHT 0"),
+        (b"DATA ascii", b"DATA ASCII"),
+        (b"# .PCD", b"\xef\xbb\xbf# .PCD"),
+    ],
+    ids=["no width", "upper case", "byte order mark"],
+)
+def test_headers_of_other_writers(tmp_path: Path, old: bytes, new: bytes) -> None:
+    content = pcd("ascii")
+    assert old in content
+    np.testing.assert_array_equal(decode(tmp_path, content.replace(old, new)).points, POINTS)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from service.formats import MalformedFileError, TruncatedFileError
-from tests.factories.cloud_files import ply
+from tests.factories.cloud_files import POINTS, ply
 from tests.factories.decoding import decode, decode_frugally
 
 
@@ -38,3 +39,9 @@ def test_a_cut_names_the_byte(tmp_path: Path) -> None:
     found = decode_frugally(tmp_path, ply(lists="inside")[:-1])
     assert isinstance(found, TruncatedFileError)
     assert "39 of 40 rows" in str(found)
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_empty_elements_need_no_properties(tmp_path: Path, form: str) -> None:
+    content = ply(form).replace(b"end_header", b"element face 0\nend_header")
+    np.testing.assert_array_equal(decode(tmp_path, content).points, POINTS)

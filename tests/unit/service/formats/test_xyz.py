@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from service.formats import MalformedFileError
+from service.formats import CloudFileError, MalformedFileError
 from tests.factories.cloud_files import NORMALS, POINTS, text_rows
 from tests.factories.decoding import decode
 
@@ -94,3 +97,128 @@ def test_what_is_not_clear_is_an_error_that_names_the_place(tmp_path: Path, case
     with pytest.raises(MalformedFileError) as caught:
         decode(tmp_path, content)
     assert words in str(caught.value)
+
+
+def rows(delimiter: str, before: str = "", after: str = "") -> bytes:
+    """The points as rows with further fields before and after them; {i} is the row's index."""
+    lines = text_rows(POINTS, delimiter).decode().splitlines()
+    return "".join(
+        before.format(i=i) + line + after.format(i=i) + "\n" for i, line in enumerate(lines)
+    ).encode()
+
+
+COLMAP = (
+    b"# 3D point list with one line of data per point:\n"
+    b"#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n"
+)
+LIVOX = b"Version,Type,Timestamp,X,Y,Z,Tag\n47MDN000000000,0.0,0.0,2,9,12975552\n"
+BY_NAME = {
+    "a delimiter at the end of each row": b"time,x,y,z\n" + rows(",", "{i},", ","),
+    "a delimiter at the end of all lines": b"time;x;y;z;\n" + rows(";", "{i};", ";"),
+    "COLMAP": COLMAP + rows(" ", "{i} ", " 90 80 70 0.5 3 17"),
+    "COLMAP, a track of eight entries": COLMAP + rows(" ", "{i} ", " 90 80 70 0.5 1 2 3 4 5 6 7 8"),
+    "Livox, a line between header and rows": LIVOX + rows(",", "0,1,{i},", ",10"),
+    "units under the names": b"I,X,Y,Z\n[-],[m],[m],[m]\n" + rows(",", "{i},"),
+    "signs for units": b"I;X;Y;Z\n-;m;m;m\n" + rows(";", "{i};"),
+    "pandas without names": b"0,1,2\n" + rows(","),
+    "pandas with its index": b",0,1,2\n" + rows(",", "{i},"),
+    "pandas with index and names": b",x,y,z\n" + rows(",", "{i},"),
+    "VeloView": b"i,Points_m_XYZ:0,Points_m_XYZ:1,Points_m_XYZ:2\n" + rows(",", "{i},"),
+    "ArcGIS": b"OBJECTID,POINT_X,POINT_Y,POINT_Z\n" + rows(",", "{i},"),
+    "German survey": "Nr;Rechtswert;Hochwert;Höhe\n".encode()
+    + rows(";", "{i};").replace(b".", b","),
+    "letters": b"Id\tE\tN\tH\n" + rows("\t", "{i}\t"),
+    "units in names": b"t,x_m,y_m,z_m\n" + rows(",", "{i},"),
+    "Ouster": b"TIMESTAMP (ns), X1 (m), Y1 (m), Z1 (m)\n" + rows(",", "{i},"),
+    "commas in the header, blanks in the rows": b"t, X, Y, Z\n" + rows(" ", "{i} "),
+    "quoted numbers": b"x,y,z\n" + rows('","', '"', '"'),
+    "decimal commas between blanks": rows(" ").replace(b".", b","),
+    "decimal commas after the first row": b"7;8;9\n" + rows(";").replace(b".", b","),
+    "PTS in two blocks": b"40\n" + rows(" ") + b"2\n1 2 3\n4 5 6\n",
+    "empty rows at the end": b"x,y,z,i\n" + rows(",", "", ",{i}") + b",,,\n" * 3,
+}
+
+
+@pytest.mark.parametrize("case", BY_NAME)
+def test_columns_are_found(tmp_path: Path, case: str) -> None:
+    points = decode(tmp_path, BY_NAME[case]).points.astype(np.float32)
+    added = {"decimal commas after the first row": 1}.get(case, 0)
+    more = {"PTS in two blocks": 2, "empty rows at the end": 3}.get(case, 0)
+    np.testing.assert_array_equal(points[added : added + 40], POINTS)
+    assert len(points) - added - 40 == {"PTS in two blocks": 2, "empty rows at the end": 3}.get(
+        case, 0
+    )
+
+
+REFUSED = {
+    "fewer names than fields": (
+        b"time,range,azimuth\n" + rows(",", "{i},"),
+        "3 columns, but line 2",
+    ),
+    "more names than fields": (b"Point ID X Y Z\n" + rows(" ", "{i} "), "5 columns, but line 2"),
+    "other names in a comment": (
+        b"# SHOTNUMBER TIME RANGE INTENSITY\n" + rows(" ", "{i} "),
+        "expected the names x, y and z",
+    ),
+    "degrees": (b"lat,lon,alt,intensity\n" + rows(",", "", ",{i}"), "geographic"),
+    "degrees in a comment": (b"# LFID GLON GLAT ZG\n" + rows(" ", "{i} "), "geographic"),
+    "decimal points and commas": (b"1.5;2.5;3.5\n1,5;2,5;3,5\n", "some have commas"),
+    "thousands": (b"1.5;2.5;3.5\n1,500.5;2.5;3.5\n", "not a number|some have commas"),
+    "PTS with rows missing": (b"40\n" + rows(" ") + b"9\n1 2 3\n", "announces 49"),
+    "UTF-16": ("x,y,z\n" + rows(",").decode()).encode("utf-16"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_contradicts_is_refused(tmp_path: Path, case: str) -> None:
+    found = REFUSED[case]
+    content, words = (found, "UTF-16") if isinstance(found, bytes) else found
+    with pytest.raises(CloudFileError, match=words):
+        decode(tmp_path, content)
+
+
+def test_the_columns_that_were_taken_are_named(tmp_path: Path) -> None:
+    cloud = decode(tmp_path, b"made by hand\n" + rows(" ", "", " {i}"))
+    assert "columns 1, 2 and 3 of 4" in " ".join(cloud.warnings)
+
+
+@pytest.mark.parametrize("word", ["", "NA", "-1.#IND", "-nan(ind)", "1.#QNAN", "null"])
+def test_rows_without_values_are_nan(tmp_path: Path, word: str) -> None:
+    lines = text_rows(POINTS, ",").splitlines()
+    lines[5] = ",".join([word] * 3).encode()
+    points = decode(tmp_path, b"x,y,z\n" + b"\n".join(lines) + b"\n").points
+    assert np.isnan(points[5]).all()
+    np.testing.assert_array_equal(
+        np.delete(points, 5, 0).astype(np.float32), np.delete(POINTS, 5, 0)
+    )
+
+
+names_of_columns = st.permutations(["x", "y", "z", "intensity", "ring"])
+
+
+@given(
+    names=names_of_columns,
+    delimiter=st.sampled_from([",", ";", "\t", " "]),
+    trailing=st.booleans(),
+    quoted=st.booleans(),
+    decimal_comma=st.booleans(),
+)
+@settings(max_examples=60, deadline=None)
+def test_named_columns_are_found_in_every_order(
+    names: list[str], delimiter: str, trailing: bool, quoted: bool, decimal_comma: bool
+) -> None:
+    table = dict(zip("xyz", POINTS.T, strict=True)) | {
+        "intensity": np.linspace(0, 1, 40),
+        "ring": np.arange(40),
+    }
+    end = delimiter if trailing and delimiter != " " else ""
+    mark = '"' if quoted and not decimal_comma else ""
+    lines = [delimiter.join(names)]
+    for i in range(40):
+        fields = [mark + f"{table[name][i]:.9g}" + mark for name in names]
+        if decimal_comma and delimiter != ",":
+            fields = [item.replace(".", ",") for item in fields]
+        lines.append(delimiter.join(fields) + end)
+    with tempfile.TemporaryDirectory() as folder:
+        points = decode(Path(folder), "\n".join([*lines, ""]).encode()).points
+    np.testing.assert_array_equal(points.astype(np.float32), POINTS)

@@ -1,0 +1,43 @@
+"""Recognition of numbers and of missing values in text, in linear time."""
+
+from __future__ import annotations
+
+import re
+
+_NUMBER = re.compile(
+    r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)",
+    re.IGNORECASE | re.ASCII,
+)
+"""Unambiguous, so that matching does not backtrack."""
+MISSING = frozenset(
+    (
+        *("na", "n/a", "null", "none", "-nan", "nan(snan)", "nan(ind)", "-nan(ind)"),
+        *("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan", "1.#snan", "-1.#snan", "1.#inf", "-1.#inf"),
+    )
+)
+"""Words, in lower case, that stand for a missing number."""
+
+
+def is_number(field: str) -> bool:
+    """Whether the field is one number, NaN or infinity."""
+    return _NUMBER.fullmatch(field.strip()) is not None
+
+
+def is_missing(field: str) -> bool:
+    """Whether the field is empty or a word for a missing number."""
+    bare = field.strip()
+    return not bare or (len(bare) < 12 and bare.lower() in MISSING)
+
+
+def is_value(field: str) -> bool:
+    """Whether the field is a number or stands for a missing one."""
+    return is_number(field) or is_missing(field)
+
+
+def significant_line(head: bytes) -> bytes:
+    """Return the first line that is neither blank nor a comment (#), without blanks around it."""
+    for line in head.removeprefix(b"\xef\xbb\xbf").split(b"\n"):
+        bare = line.strip()
+        if bare and not bare.startswith(b"#"):
+            return bare
+    return b""

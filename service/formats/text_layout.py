@@ -1,0 +1,301 @@
+"""Detection of the layout of delimited text: header, delimiter and columns."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from service.formats.column_names import (
+    are_column_names,
+    are_geographic,
+    find_normals,
+    find_xyz,
+)
+from service.formats.errors import MalformedFileError, UnsupportedFileError
+from service.formats.numerals import is_number, is_value
+
+BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"
+"""UTF-8's byte order mark, decoded as Latin-1."""
+_DELIMITERS = (";", "\t", ",", None)
+"""Delimiters in the order in which they are tried; None: any run of blanks."""
+_COMMENTS = ("#", "//", "%")
+_MIN_ROW_CHARACTERS = 5
+"""Length of the shortest row or header of three columns: "1 2 3"."""
+_MAX_TEXT_LINES = 200
+"""Lines of text before the first row of numbers; more of them are no header."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextLayout:
+    """Where the rows of numbers begin, and which columns are read."""
+
+    first_row: int
+    """Index of the first line of data."""
+    delimiter: str | None
+    """Separator of the fields; None: any run of blanks."""
+    xyz: tuple[int, ...] = (0, 1, 2)
+    """Columns of the coordinates."""
+    normals: tuple[int, ...] | None = None
+    """Columns of the normal, if they are named."""
+    others: dict[str, int] = field(default_factory=dict)
+    """Other named columns of numbers."""
+    count: int | None = None
+    """Number of rows announced in a line of its own."""
+    decimal_comma: bool = False
+    """Whether commas are decimal points."""
+    warnings: tuple[str, ...] = ()
+    """How the text was interpreted."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Names:
+    """Names of columns, and which of them are the coordinates."""
+
+    items: list[str]
+    xyz: tuple[int, ...] | None
+
+    @classmethod
+    def of(cls, items: list[str]) -> _Names:
+        return cls(items, find_xyz(items))
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """A line of text before the data."""
+
+    number: int  # from 1
+    names: dict[str | None, _Names]  # by the delimiter that separates them
+    words: _Names  # separated by any delimiter
+    is_comment: bool
+    is_open: bool  # whether the last column is a list, so that rows differ in length
+
+    @classmethod
+    def parse(cls, number: int, line: str) -> _Header:
+        text = line.lstrip("#/% \t")
+        listed = next((word for word in text.split() if word.endswith("[]")), None)
+        if listed is not None:
+            text = text[: text.index(listed) + len(listed)]
+        names = {delimiter: _Names.of(_split(text, delimiter)) for delimiter in _DELIMITERS}
+        words = _Names.of(text.replace(";", " ").replace(",", " ").split())
+        return cls(number, names, words, line.startswith(_COMMENTS), listed is not None)
+
+    def candidates(self, delimiter: str | None) -> tuple[_Names, _Names]:
+        """Return the names as the delimiter of the data separates them, and by any delimiter."""
+        return self.names[delimiter], self.words
+
+    def with_xyz(self) -> _Names | None:
+        """Return the first names with x, y, z among them."""
+        return next((names for names in [*self.names.values(), self.words] if names.xyz), None)
+
+
+def detect_layout(lines: Sequence[str]) -> TextLayout | None:
+    """Find the layout of the lines, with decimal points or else with decimal commas.
+
+    Returns
+    -------
+    TextLayout | None
+        None without a line of three numbers.
+
+    Raises
+    ------
+    CloudFileError
+        The header names other columns, or not as many as there are.
+    """
+    layout = _find_layout(lines, decimal_comma=False)
+    if layout is not None:
+        return layout
+    layout = _find_layout(lines, decimal_comma=True)
+    if layout is None or layout.delimiter == ",":
+        return None
+    warnings = (*layout.warnings, "commas are read as decimal points")
+    return replace(layout, decimal_comma=True, warnings=warnings)
+
+
+def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | None:
+    """Find the first line of data and the header that fits it."""
+    named: _Header | None = None  # the last header with x, y, z
+    headers: list[_Header] = []  # the last line of text, and the last comment
+    skipped: list[int] = []
+    count: int | None = None
+    for index, raw in enumerate(lines):
+        text = (raw.removeprefix(BYTE_ORDER_MARK) if index == 0 else raw).strip()
+        if not text:
+            continue
+        row = text.replace('"', "")
+        row = row.replace(",", ".") if decimal_comma else row
+        is_short = len(row) < _MIN_ROW_CHARACTERS
+        layout = _named_layout(named, row, index) if named and not is_short else None
+        if layout is None and (fields := _numeric_fields(row)) is not None:
+            if fields[0] and _is_numbered_header(fields[1], lines[index + 1 : index + 2]):
+                headers = [_Header.parse(index + 1, text)]
+                skipped.append(index + 1)
+                continue
+            layout = _unnamed_layout(named, headers, fields, index)
+        if layout is not None:
+            lost = [number for number in skipped if named is None or number != named.number]
+            return _complete(layout, count, lost)
+        if text.isdecimal() and count is None:
+            count = int(text[:18])
+            continue
+        if not text.startswith(_COMMENTS):
+            skipped.append(index + 1)
+        if len(skipped) > _MAX_TEXT_LINES:
+            return None
+        if is_short:
+            continue
+        header = _Header.parse(index + 1, text)
+        named = header if header.with_xyz() else named
+        headers = [item for item in headers if item.is_comment != header.is_comment] + [header]
+    return None
+
+
+def _complete(layout: TextLayout, count: int | None, skipped: Sequence[int]) -> TextLayout:
+    warnings = layout.warnings
+    if skipped:
+        place = f"line {skipped[0]} to {skipped[-1]}"
+        warnings = (f"{place}: skipped as a header", *warnings)
+    return replace(layout, count=count, warnings=warnings)
+
+
+def _named_layout(header: _Header, row: str, index: int) -> TextLayout | None:
+    """Return columns by name, if the header has x, y, z and a name for each field."""
+    for delimiter in _DELIMITERS:
+        fields = _split(row, delimiter)
+        for names in header.candidates(delimiter):
+            if names.xyz is None or not _fit(names.items, fields, is_open=header.is_open):
+                continue
+            if all(is_value(fields[i]) for i in names.xyz):
+                normals, others = find_normals(names.items), _others(names, fields)
+                return TextLayout(index, delimiter, names.xyz, normals, others)
+    return None
+
+
+def _fit(names: Sequence[str], fields: Sequence[str], *, is_open: bool) -> bool:
+    """Whether there is a name for each field, without empty ones at the end of either."""
+    if is_open:
+        return len(fields) >= len(names) - 1
+    return len(_without_empty_end(names)) == len(_without_empty_end(fields)) or (
+        len(names) == len(fields)
+    )
+
+
+def _others(names: _Names, fields: Sequence[str]) -> dict[str, int]:
+    bare = [name.strip().strip("\"'") for name in names.items]
+    repeated = {name for name, count in Counter(bare).items() if count > 1}
+    return {
+        name: place
+        for place, (name, value) in enumerate(zip(bare, fields, strict=False))
+        if name and name not in repeated and place not in (names.xyz or ()) and is_number(value)
+    }
+
+
+def _unnamed_layout(
+    named: _Header | None,
+    headers: Sequence[_Header],
+    found: tuple[str | None, list[str]],
+    index: int,
+) -> TextLayout:
+    """Take the first three columns, unless a header contradicts.
+
+    Raises
+    ------
+    CloudFileError
+        A header names other columns, or not as many as there are.
+    """
+    delimiter, values = found
+    fields = _without_empty_end(values)
+    for header in headers:
+        _refuse_geographic(header, delimiter, fields)
+        names = header.names[delimiter].items
+        if names == ["", *map(str, range(len(names) - 1))] and len(names) == len(fields) > 3:
+            warning = "column 1 is taken for the row index of pandas; columns 2 to 4 are read"
+            return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
+    if len(fields) == 3:
+        return TextLayout(index, delimiter)
+    if named is not None:
+        _refuse_misplaced(named, fields, index)
+    for header in headers:
+        _refuse_other_names(header, delimiter, fields, index)
+    warnings: tuple[str, ...] = ()
+    if any(not header.is_comment for header in headers):
+        warnings = (f"columns 1, 2 and 3 of {len(fields)} are read as x, y, z",)
+    return TextLayout(index, delimiter, warnings=warnings)
+
+
+def _refuse_geographic(header: _Header, delimiter: str | None, fields: Sequence[str]) -> None:
+    for names in header.candidates(delimiter):
+        if len(names.items) >= len(fields) and not names.xyz and are_geographic(names.items):
+            raise UnsupportedFileError(
+                f"line {header.number}: the columns {', '.join(names.items)[:80]!r} are "
+                "geographic coordinates in degrees; project latitude and longitude to metres, "
+                "and name the columns x, y, z"
+            )
+
+
+def _refuse_misplaced(header: _Header, fields: Sequence[str], index: int) -> None:
+    """Refuse names x, y, z that are not the first three, over another number of fields."""
+    names = header.with_xyz()
+    if names is not None and names.xyz != (0, 1, 2):
+        raise _wrong_count(header, names.items, fields, index)
+
+
+def _refuse_other_names(
+    header: _Header, delimiter: str | None, fields: Sequence[str], index: int
+) -> None:
+    """Refuse a header with other names over more than three columns."""
+    if header.with_xyz():
+        return
+    names = _without_empty_end(header.names[delimiter].items)
+    if header.is_comment:
+        names = next(
+            (c.items for c in header.candidates(delimiter) if len(c.items) == len(fields)), []
+        )
+        if not are_column_names(names):
+            return
+    if any(map(is_number, names)):
+        return
+    if len(names) == len(fields):
+        raise MalformedFileError(
+            f"line {header.number}: the columns are called {', '.join(names)[:80]!r}; "
+            "expected the names x, y and z among them"
+        )
+    if delimiter is not None and len(names) > 1:
+        raise _wrong_count(header, names, fields, index)
+
+
+def _wrong_count(
+    header: _Header, names: Sequence[str], fields: Sequence[str], index: int
+) -> MalformedFileError:
+    return MalformedFileError(
+        f"line {header.number} names {len(names)} columns, but line {index + 1} has "
+        f"{len(fields)} fields; expected a name for each column, and x, y and z among them"
+    )
+
+
+def _is_numbered_header(fields: Sequence[str], following: Sequence[str]) -> bool:
+    """Whether the fields are 0, 1, 2, ... over decimal numbers, as pandas writes by default."""
+    if [item.strip() for item in fields] != list(map(str, range(len(fields)))):
+        return False
+    return any(
+        "." in line and _numeric_fields(line.replace('"', "").strip()) is not None
+        for line in following
+    )
+
+
+def _numeric_fields(row: str) -> tuple[str | None, list[str]] | None:
+    """Return the delimiter and the fields, if the first three are numbers."""
+    for delimiter in _DELIMITERS:
+        fields = row.split(delimiter)
+        if len(fields) >= 3 and all(is_number(item) for item in fields[:3]):
+            return delimiter, fields
+    return None
+
+
+def _split(line: str, delimiter: str | None) -> list[str]:
+    return line.strip().split(delimiter)
+
+
+def _without_empty_end(fields: Sequence[str]) -> list[str]:
+    """Return the fields without one empty field at the end, as a trailing delimiter leaves it."""
+    return list(fields[:-1] if len(fields) > 1 and not fields[-1].strip() else fields)
