@@ -123,10 +123,9 @@ def _parse(
     with path.open(encoding="latin1", newline="\n") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # about blank lines and missing data
         file.seek(offset)
+        lines = _normalize_lines(file, dialect)
         return np.loadtxt(
-            _normalize_lines(file, dialect)
-            if cleaner is None
-            else cleaner.clean(_normalize_lines(file, dialect)),
+            lines if cleaner is None else cleaner.clean(lines),
             delimiter=dialect.delimiter if cleaner is None else ",",
             usecols=tuple(columns) if cleaner is None else None,
             max_rows=max_rows,
@@ -188,14 +187,12 @@ class TableCleaner:
             return ["nan"] * len(fields)
         cleaned = ["nan" if item and is_missing(item) else item for item in fields]
         self.has_points |= any("." in item for item in cleaned)
-        if (
-            self.accepts_commas
-            and self.dialect.delimiter != ","
-            and any("," in item for item in cleaned)
-        ):
-            self.has_commas = True
-            return [item.replace(",", ".") for item in cleaned]
-        return cleaned
+        if not any("," in item for item in cleaned):
+            return cleaned
+        if not self.accepts_commas:
+            return ["not a number" if "," in item else item for item in cleaned]
+        self.has_commas = True
+        return [item.replace(",", ".") for item in cleaned]
 
     def warnings(self) -> tuple[str, ...]:
         """Describe what was rewritten."""

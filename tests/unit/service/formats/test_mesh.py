@@ -118,3 +118,10 @@ def test_buffers_are_embedded_in_base64(tmp_path: Path, uri: str) -> None:
     """Other URIs would be resolved as names of files beside the cloud."""
     with pytest.raises(CloudFileError, match="other files"):
         decode(tmp_path, glb(buffers=[{"byteLength": 9, "uri": uri}]))
+
+
+def test_commas_in_an_obj_are_no_numbers(tmp_path: Path) -> None:
+    with pytest.raises(CloudFileError, match="line 2: '2,5' in column 3"):
+        decode(tmp_path, b"v 1 2 3\nv 1 2,5 3\n")
+    with pytest.raises(CloudFileError, match="line 1: '1,5' in column 2"):
+        decode(tmp_path, b"v 1,5 2,5 3,5\n" * 3)
