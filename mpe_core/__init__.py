@@ -16,14 +16,13 @@ from mpe_core.errors import (
     RegistrationError,
     TooFewPointsError,
 )
-from mpe_core.options import METHODS, Method, RegistrationOptions
+from mpe_core.options import RegistrationOptions
 from mpe_core.result import Inliers, Registration
 
 if TYPE_CHECKING:
     from mpe_core.registration import register
 
 __all__ = [
-    "METHODS",
     "CloudShapeError",
     "CoordinateRangeError",
     "DegenerateCloudError",
@@ -31,7 +30,6 @@ __all__ = [
     "InvalidCloudError",
     "InvalidOptionsError",
     "InvalidWeightsError",
-    "Method",
     "Registration",
     "RegistrationError",
     "RegistrationOptions",

@@ -39,7 +39,7 @@ EXAMPLE: dict[str, Any] = {
     "result_expires_at": "2026-01-12T09:30:00.350000Z",
     "expires_at": "2026-02-04T09:30:00.350000Z",
     "timing": {"queued_s": 0.004, "decode_s": 0.06, "search_s": 0.1, "total_s": 0.35},
-    "warnings": ["source: 2 rows with NaN or infinity were left out"],
+    "warnings": ["2 rows of the source were ignored: they hold NaN or infinity"],
     "error": None,
     "result": {
         "transform": [[0, -1, 0, 0.25], [1, 0, 0, -0.5], [0, 0, 1, 0], [0, 0, 0, 1]],

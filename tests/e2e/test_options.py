@@ -175,7 +175,7 @@ def test_options_come_back_and_equal_ones_are_the_same_work(server: Server) -> N
         ({"initial_transform": (2 * np.eye(4)).tolist()}, "", "initial_transform must be rigid"),
         ({"source_gravity": [0, -1], "target_gravity": [0, 0, 1]}, "source_gravity", "3 numbers"),
         ({"source_gravity": [0, 0, "1"]}, "source_gravity/2", "a valid number"),
-        ({"source_gravity": [0, 0, 0], "target_gravity": [0, 0, 1]}, "", "point somewhere"),
+        ({"source_gravity": [0, 0, 0], "target_gravity": [0, 0, 1]}, "", "must be a direction"),
         ({"source_viewpoint": [0, 0, 1]}, "", "target_viewpoint: give both"),
         ({"yaw_only": 1}, "yaw_only", "boolean"),
         ({"yaw_only": True, "method": "mpe"}, "", "yaw_only needs method"),
@@ -197,10 +197,10 @@ def test_what_makes_no_sense_is_told(
 @pytest.mark.parametrize(
     ("options", "weights", "kind", "words"),
     [
-        ({"voxel_size": 5}, {}, "invalid-options", "at most a fifth and at least a thousandth"),
+        ({"voxel_size": 5}, {}, "invalid-options", "a thousandth and a fifth of the radius"),
         ({}, {"source": "absent"}, "invalid-weights", "'absent'"),
         ({}, {"target": "word"}, "invalid-weights", "target: attribute 'word' is of type <U"),
-        ({}, {"target": "below"}, "invalid-weights", "below 0"),
+        ({}, {"target": "below"}, "invalid-weights", "must be 0 or more"),
         ({}, {"source": "few"}, "invalid-weights", "must be above 0"),
     ],
 )

@@ -189,12 +189,12 @@ def test_a_voxel_of_no_use_is_refused(data, size):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"source_viewpoint": (0, 0, 1)}, "target_viewpoint: give both"),
-        ({"target_gravity": (0, 0, 1)}, "source_gravity: give both"),
-        ({"source_gravity": (0, 0, 0), "target_gravity": (0, 0, 1)}, "point somewhere"),
+        ({"source_viewpoint": (0, 0, 1)}, "needs target_viewpoint: give both"),
+        ({"target_gravity": (0, 0, 1)}, "needs source_gravity: give both"),
+        ({"source_gravity": (0, 0, 0), "target_gravity": (0, 0, 1)}, "must be a direction"),
         ({"source_gravity": (0, 1), "target_gravity": (0, 0, 1)}, "3 finite numbers"),
         ({"source_gravity": (0, 1, np.nan), "target_gravity": (0, 0, 1)}, "3 finite numbers"),
-        ({"source_gravity": (0, 1, 1e300), "target_gravity": (0, 0, 1)}, "beyond 1e[+]15"),
+        ({"source_gravity": (0, 1, 1e300), "target_gravity": (0, 0, 1)}, "at most 1e[+]15"),
         ({"initial_transform": 2 * np.eye(4)}, "must be rigid"),
         ({"initial_transform": np.diag([1, 1, -1, 1])}, "must be rigid"),
         ({"initial_transform": np.eye(3)}, "4 x 4 finite numbers"),

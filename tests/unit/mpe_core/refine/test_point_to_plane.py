@@ -1,0 +1,121 @@
+"""Point-to-plane refinement, from either side, and the regime that chooses the side."""
+
+import numpy as np
+import pytest
+
+from mpe_core import RegistrationOptions
+from mpe_core.clouds.preprocess import prepare_cloud
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
+from mpe_core.refine.point_to_plane import PointToPlane
+from mpe_core.refine.regime import choose_regime
+from mpe_core.refine.swapped import SwappedPointToPlane
+from mpe_core.refine.target_planes import TargetPlanes, match_planes
+from tests.factories.clouds import knot
+
+TRUTH = pose(axis_rotation(np.array([1.0, 2, 3]), 0.7), np.array([0.2, -0.1, 0.3]))
+OFF = pose(axis_rotation(np.array([-2.0, 1, 0]), 0.06), np.array([0.01, -0.01, 0.005]))
+
+
+def prepared(seed, noise=0.0, T=None):
+    rng = np.random.default_rng(seed)
+    points = 2 * knot(30_000, rng) - [1.1, 0.3, 0.2]
+    points += noise * rng.normal(size=points.shape)
+    return prepare_cloud(points if T is None else apply(inverse(T), points))
+
+
+def refiner(source, target, basis=None, **options):
+    basis = np.eye(6) if basis is None else basis
+    regime = choose_regime(source, target)
+    return PointToPlane(source, target, basis, regime, RegistrationOptions(**options))
+
+
+@pytest.fixture(scope="module")
+def clouds():
+    """Two samplings of one surface, the first of them moved by the inverse of TRUTH."""
+    return prepared(0, T=TRUTH), prepared(1)
+
+
+def shift_between(T, other):
+    return float(np.linalg.norm(T[:3, 3] - other[:3, 3]))
+
+
+def test_it_finds_the_minimum_next_to_a_coarse_pose(clouds):
+    start = OFF @ TRUTH
+    assert rotation_error(start, TRUTH) > 3
+    minimum = refiner(*clouds).refine(start)
+    assert minimum.converged
+    assert minimum.criterion in ("point_to_plane", "smoothed_point_to_plane")
+    assert rotation_error(minimum.T, TRUTH) < 0.1
+    assert shift_between(minimum.T, TRUTH) < 2e-3
+
+
+def test_a_minimum_stays_where_it_is(clouds):
+    found = refiner(*clouds).refine(OFF @ TRUTH)
+    again = refiner(*clouds).refine(found.T)
+    assert rotation_error(again.T, found.T) < 0.01
+    assert shift_between(again.T, found.T) < 2e-4
+
+
+def test_a_bound_on_the_iterations_is_kept_and_reported(clouds):
+    minimum = refiner(*clouds, max_iterations=1).refine(OFF @ TRUTH)
+    assert (minimum.converged, minimum.iterations) == (False, 1)
+
+
+def test_steps_stay_within_the_motion_basis(clouds):
+    only_translation = np.eye(6)[:, 3:]
+    minimum = refiner(*clouds, basis=only_translation).refine(OFF @ TRUTH)
+    assert rotation_error(minimum.T, OFF @ TRUTH) < 1e-9
+    assert shift_between(minimum.T, OFF @ TRUTH) > 1e-3
+
+
+def test_with_source_and_target_exchanged_poses_and_errors_keep_their_meaning(clouds):
+    source, target = clouds
+    direct = refiner(source, target)
+    swapped = SwappedPointToPlane(refiner(target, source))
+    one, other = (each.refine(OFF @ TRUTH) for each in (direct, swapped))
+    assert rotation_error(one.T, other.T) < 0.1
+    assert shift_between(one.T, other.T) < 2e-3
+    covariances = [
+        each.uncertainty(minimum).covariance for each, minimum in ((direct, one), (swapped, other))
+    ]
+    ratio = np.sqrt(np.diag(covariances[0]) / np.diag(covariances[1]))
+    np.testing.assert_array_less(ratio, 3)
+    np.testing.assert_array_less(1 / ratio, 3)
+
+
+def test_planes_hold_their_points_and_normals_have_unit_length(clouds):
+    _, target = clouds
+    planes = TargetPlanes(target.fine, target.surface.spacing)
+    rows = np.arange(0, len(target.fine), 50, dtype=np.int32)
+    feet, normals = planes.planes_at(rows)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
+    away = planes.cells.points[rows] - feet
+    along = np.einsum("ni,ni->n", away, normals)
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), np.abs(along), atol=1e-5)
+    assert np.median(np.abs(along)) < 0.1 * planes.radius
+
+
+def test_a_cloud_matches_itself_without_residuals(clouds):
+    _, target = clouds
+    matches = match_planes(target.sample(0), TargetPlanes(target.fine, 0.01), np.eye(4))
+    assert matches.in_range.all()
+    assert matches.valid.all()
+    assert not matches.distances().any()
+    assert not matches.residuals().any()
+    assert matches.weighted_rms(0.01) == 0
+    away = pose(np.eye(3), np.full(3, 9.0))
+    far = match_planes(target.sample(0), TargetPlanes(target.fine, 0.01), away)
+    assert not far.valid.any()
+    assert np.isinf(far.distances()).all()
+    assert not far.tukey_weights(0.01).any()
+
+
+def test_noise_decides_the_regime():
+    clean, noisy = prepared(2), prepared(3, noise=0.05)
+    assert not choose_regime(clean, clean).is_noisy
+    for source, target in ((clean, noisy), (noisy, clean)):
+        regime = choose_regime(source, target)
+        assert regime.is_noisy
+        assert regime.plane_noise == regime.roughness > 0.013
+        assert regime.takes_planes_of_source == (source is clean)
+        assert regime.uses_full_sum == regime.is_sparse

@@ -1,0 +1,91 @@
+"""Levels of the search, preselection, and poses that fit as well as the best."""
+
+import numpy as np
+import pytest
+
+from mpe_core import RegistrationOptions, pipeline
+from mpe_core.assess.confidence import Evidence
+from mpe_core.clouds.preprocess import prepare_cloud
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
+from mpe_core.pipeline import PosePipeline, ScoredPose, _select_equal
+from mpe_core.progress import Progress
+from mpe_core.refine.minimum import Minimum
+from mpe_core.search.pose_prior import PosePrior
+from mpe_core.search.pose_search import SEARCH_LEVELS
+from tests.factories.clouds import knot
+
+TRUTH = pose(axis_rotation(np.array([1.0, 2, 3]), 2.0), np.array([0.1, 0.2, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def steps():
+    source, target = (
+        2 * knot(20_000, np.random.default_rng(seed)) - [1.1, 0.3, 0.2] for seed in (0, 1)
+    )
+    return PosePipeline(
+        prepare_cloud(apply(inverse(TRUTH), source)),
+        prepare_cloud(target),
+        PosePrior(),
+        RegistrationOptions(),
+    )
+
+
+def levels_searched(steps, monkeypatch, confidence):
+    levels = []
+    monkeypatch.setattr(
+        PosePipeline,
+        "refine",
+        lambda self, T: ScoredPose(Minimum(T, True, 1), Evidence(*3 * [confidence])),
+    )
+    search = PosePipeline.find_candidates
+
+    def find_candidates(self, level, report):
+        levels.append(level)
+        return search(self, SEARCH_LEVELS[0], report)
+
+    monkeypatch.setattr(PosePipeline, "find_candidates", find_candidates)
+    steps.run(Progress(None))
+    return levels
+
+
+def test_the_pose_is_found_by_the_first_level(steps):
+    best, *others = steps.run(Progress(None))
+    assert rotation_error(best.minimum.T, TRUTH) < 0.2
+    assert best.evidence.accepted
+    assert not others
+
+
+def test_a_pose_that_convinces_ends_the_search(steps, monkeypatch):
+    assert levels_searched(steps, monkeypatch, 1.0) == [SEARCH_LEVELS[0]]
+
+
+def test_without_one_all_levels_are_searched(steps, monkeypatch):
+    assert levels_searched(steps, monkeypatch, 0.0) == list(SEARCH_LEVELS)
+
+
+def scored(degrees, agreement):
+    T = pose(axis_rotation(np.array([0.0, 0, 1]), np.radians(degrees)), np.zeros(3))
+    return ScoredPose(Minimum(T, True, 1), Evidence(1.0, agreement, agreement))
+
+
+def test_poses_that_fit_as_well_and_differ_are_kept():
+    best = scored(0, 0.95)
+    ordered = [best, scored(1, 0.94), scored(90, 0.93), scored(180, 0.6)]
+    assert _select_equal(ordered) == [best, ordered[2]]
+
+
+def test_a_pose_that_is_not_accepted_has_no_equals():
+    ordered = [scored(0, 0.2), scored(90, 0.2)]
+    assert _select_equal(ordered) == ordered[:1]
+
+
+def test_preselection_keeps_the_right_pose(steps):
+    rng = np.random.default_rng(2)
+    poses = [
+        pose(axis_rotation(rng.normal(size=3), angle), np.zeros(3)) @ TRUTH
+        for angle in rng.uniform(0.7, 3, 15)
+    ]
+    poses.insert(11, pose(axis_rotation(np.ones(3), 0.05), np.zeros(3)) @ TRUTH)
+    rows = steps._preselect(np.array(poses), lambda fraction: None)
+    assert len(rows) == pipeline.MAX_REFINED
+    assert rows[0] == 11
