@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from service.clouds.inputs import CloudInput
-from service.outbound import FetchRules
+from service.outbound import FetchPolicy
 from service.settings import Settings
 from service.workers.export_aligned import ExportAligned
 from service.workers.fetch_inputs import FetchInputs
@@ -23,7 +23,7 @@ ENVIRONMENT = TaskEnvironment.create(
     job_id="job", tenant="lab", scratch=Path("scratch"), settings=SETTINGS
 )
 CLOUD = CloudInput(sha256="ab" * 32, size=1)
-FETCH = FetchInputs(ENVIRONMENT, CLOUD, CLOUD, FetchRules.of(SETTINGS))
+FETCH = FetchInputs(ENVIRONMENT, CLOUD, CLOUD, FetchPolicy.of(SETTINGS))
 REGISTER = RegisterClouds(ENVIRONMENT, CLOUD, CLOUD, {"seed": 1})
 EXPORT = ExportAligned(ENVIRONMENT, [[1.0]], CLOUD, None, "ply")
 
