@@ -15,9 +15,7 @@ from service.problems import QuotaExceededError
 CACHE_TTL_S = 1.0
 """Minimum time in seconds that a count of stored bytes is used."""
 MAX_COUNTING_FRACTION = 0.05
-"""Maximum fraction of the time spent counting: a slow count is used longer
-(docs/tuning.md#storage-quota).
-"""
+"""Maximum fraction of the time spent counting: a slow count is used longer (docs/tuning.md)."""
 
 
 @dataclass(slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import socket
 import ssl
 import threading
@@ -20,6 +21,7 @@ LOOPBACK = (ip_network("127.0.0.0/8"), ip_network("::1/128"))
 OPEN = UrlPolicy(networks=LOOPBACK)
 """Everything public, and this machine, which stands for the public network in these tests."""
 CONTENT = bytes(range(256)) * 400
+SHA256 = hashlib.sha256(CONTENT).hexdigest()
 
 Fetch = Callable[..., Blob]
 """The fixture `fetch`: downloads a URL."""
@@ -71,6 +73,25 @@ class Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: object) -> None:
         pass
+
+
+class Versioned:
+    """A file of a server that knows conditional requests."""
+
+    def __init__(self, **said: str) -> None:
+        self.body = CONTENT
+        self.said = said
+
+    def __call__(self, handler: Handler) -> None:
+        etag = self.said.get("ETag")
+        same = (etag is not None and handler.headers.get("If-None-Match") == etag) or (
+            "Last_Modified" in self.said
+            and handler.headers.get("If-Modified-Since") == self.said["Last_Modified"]
+        )
+        if same:
+            handler.head(304, **self.said)
+        else:
+            handler.give(self.body, **self.said)
 
 
 class Web(ThreadingHTTPServer):

@@ -1,140 +1,91 @@
-"""Nothing is downloaded twice: what has not changed, and what came before a cut."""
+"""A file on its way to the store: bounded, checked, and continued where it was cut."""
 
 from __future__ import annotations
 
-import hashlib
+import gzip
 
 import pytest
 
-from service.outbound.errors import FetchCutError, FetchStatusError, FetchTooLargeError
-from service.outbound.http_cache import prune
+from service.outbound.client import OutboundResponse
+from service.outbound.download import Action, PartialFile, announced_size, choose_action
+from service.outbound.errors import (
+    FetchCutError,
+    FetchError,
+    FetchStatusError,
+    FetchTooLargeError,
+)
+from service.outbound.urls import Url, parse_url
 from service.storage.blobs import BlobStore
-from tests.factories.web import CONTENT, Fetch, Handler, Names, Web
+from tests.factories.web import (
+    CONTENT,
+    SHA256,
+    Fetch,
+    Handler,
+    Names,
+    Versioned,
+    Web,
+)
 
-SHA256 = hashlib.sha256(CONTENT).hexdigest()
-THEN, NOW = "Mon, 02 Nov 2026 10:00:00 GMT", "Sun, 22 Nov 2026 10:00:00 GMT"
 HALF = len(CONTENT) // 2
 
 
-class Versioned:
-    """A file of a server that knows conditional requests."""
-
-    def __init__(self, **said: str) -> None:
-        self.body = CONTENT
-        self.said = said
-
-    def __call__(self, handler: Handler) -> None:
-        etag = self.said.get("ETag")
-        same = (etag is not None and handler.headers.get("If-None-Match") == etag) or (
-            "Last_Modified" in self.said
-            and handler.headers.get("If-Modified-Since") == self.said["Last_Modified"]
-        )
-        if same:
-            handler.head(304, **self.said)
-        else:
-            handler.give(self.body, **self.said)
+URL, OTHER = parse_url("https://files.example/a"), parse_url("https://files.example/b")
+WHOLE = {"content-length": "100"}
+REST = {"content-range": "bytes 40-99/100", "etag": '"1"'}
+PARTIAL = PartialFile(URL, '"1"', 40)
 
 
-def statuses(web: Web) -> list[bool]:
-    """Of each request, whether it was conditional."""
-    return [
-        "if-none-match" in headers or "if-modified-since" in headers for _, headers in web.requests
-    ]
+def response(status: int, headers: dict[str, str], url: Url = URL) -> OutboundResponse:
+    return OutboundResponse(url, status, headers, iter(()))
 
 
 @pytest.mark.parametrize(
-    "said",
+    ("partial", "answer", "action"),
     [
-        {"ETag": '"1"'},
-        {"ETag": 'W/"1"'},
-        {"Last_Modified": THEN, "Date": NOW},
-        {"ETag": '"1"', "Last_Modified": THEN, "Date": NOW},
+        (None, response(200, WHOLE), Action.RESTART),
+        (PARTIAL, response(200, WHOLE), Action.RESTART),
+        (PARTIAL, response(206, REST), Action.RESUME),
+        (PARTIAL, response(200, REST), Action.RESUME),
+        (PARTIAL, response(206, REST | {"content-range": "bytes 40-99/*"}), Action.RESUME),
+        (PARTIAL, response(206, REST, OTHER), Action.DISCARD),
+        (PARTIAL, response(206, REST | {"etag": '"2"'}), Action.DISCARD),
+        (PARTIAL, response(206, REST | {"content-range": "bytes 0-99/100"}), Action.DISCARD),
+        (PARTIAL, response(416, {}), Action.DISCARD),
+        (PartialFile(URL, None, 40), response(206, REST), Action.DISCARD),
+        (PartialFile(URL, None, 40), response(206, REST | {"etag": "none"}), Action.DISCARD),
+        (None, response(200, WHOLE | {"content-encoding": " GZIP "}), Action.RESTART),
+        (None, response(206, REST), FetchError),
+        (PARTIAL, response(206, {}), FetchError),
+        (PARTIAL, response(206, {"content-range": "bytes */100"}), FetchError),
+        (None, response(200, WHOLE | {"content-encoding": "br"}), FetchError),
+        (None, response(416, {}), FetchStatusError),
+        (None, response(304, {}), FetchStatusError),
+        (PARTIAL, response(404, {}), FetchStatusError),
     ],
 )
-def test_what_has_not_changed_is_not_sent_again(
-    said: dict[str, str], web: Web, fetch: Fetch
+def test_what_is_done_with_a_response(
+    partial: PartialFile | None, answer: OutboundResponse, action: Action | type[FetchError]
 ) -> None:
-    web.behaviours["/file"] = Versioned(**said)
-    assert fetch(web.url()) == fetch(web.url())
-    assert statuses(web) == [False, True]
-
-
-def test_what_has_changed_is(web: Web, fetch: Fetch) -> None:
-    versioned = web.behaviours["/file"] = Versioned(ETag='"1"')
-    fetch(web.url())
-    versioned.body, versioned.said = CONTENT[:-1], {"ETag": '"2"'}
-    assert fetch(web.url()).size == len(CONTENT) - 1
-    assert fetch(web.url()).size == len(CONTENT) - 1
-    assert web.requests[2][1]["if-none-match"] == '"2"'
+    if isinstance(action, Action):
+        assert choose_action(partial, answer) is action
+    else:
+        with pytest.raises(FetchError) as refused:
+            choose_action(partial, answer)
+        assert type(refused.value) is action
 
 
 @pytest.mark.parametrize(
-    "said",
+    ("headers", "size"),
     [
-        {},
-        {"ETag": "1"},
-        {"ETag": '"\u00e9"'},
-        {"ETag": '"' + "1" * 5000 + '"'},
-        {"Last_Modified": NOW, "Date": NOW},
-        {"Last_Modified": "then", "Date": NOW},
-        {"Last_Modified": THEN + " \u00e9", "Date": NOW},
+        (WHOLE, 100),
+        (REST, 100),
+        ({"content-range": "bytes 40-99/*", "content-length": "60"}, 0),
+        ({}, 0),
+        ({"content-length": "many"}, 0),
     ],
 )
-def test_no_condition_without_something_to_rely_on(
-    said: dict[str, str], web: Web, fetch: Fetch
-) -> None:
-    web.behaviours["/file"] = Versioned(**said)
-    assert fetch(web.url()) == fetch(web.url())
-    assert statuses(web) == [False, False]
-
-
-def test_a_file_that_was_removed_meanwhile_is_sent_again(
-    web: Web, fetch: Fetch, blobs: BlobStore
-) -> None:
-    web.behaviours["/file"] = Versioned(ETag='"1"')
-    blobs.path(fetch(web.url()).sha256).unlink()
-    assert blobs.path(fetch(web.url()).sha256).read_bytes() == CONTENT
-    assert statuses(web) == [False, False]
-
-
-def test_neither_tenants_nor_urls_share_what_they_know(web: Web, fetch: Fetch) -> None:
-    web.behaviours["/file"] = Versioned(ETag='"1"')
-    fetch(web.url(), tenant="a")
-    fetch(web.url(), tenant="b")
-    fetch(web.url("/file?other"), tenant="a")
-    assert statuses(web) == [False, False, False]
-
-
-def test_the_condition_is_for_the_place_that_the_file_came_from(web: Web, fetch: Fetch) -> None:
-    for path, body in (("/1", CONTENT), ("/2", CONTENT[:-1])):
-        web.behaviours[path] = versioned = Versioned(ETag='"same"')
-        versioned.body = body
-    web.behaviours["/latest"] = lambda handler: handler.give(b"", 302, Location="/1")
-    fetch(web.url("/latest"))
-    web.behaviours["/latest"] = lambda handler: handler.give(b"", 302, Location="/2")
-    assert fetch(web.url("/latest")).size == len(CONTENT) - 1
-    assert fetch(web.url("/latest")).size == len(CONTENT) - 1
-    assert statuses(web) == [False, False, False, False, False, True]
-
-
-def test_not_modified_unasked_is_an_error(web: Web, fetch: Fetch) -> None:
-    web.behaviours["/file"] = lambda handler: handler.head(304)
-    with pytest.raises(FetchStatusError):
-        fetch(web.url())
-
-
-def test_what_is_known_of_removed_files_is_forgotten(
-    web: Web, fetch: Fetch, blobs: BlobStore
-) -> None:
-    web.behaviours["/file"] = Versioned(ETag='"1"')
-    blob = fetch(web.url("/file?X-Amz-Signature=secret"))
-    (said,) = (blobs.root / "fetched").iterdir()
-    assert "secret" not in said.read_text() + said.name
-    prune(blobs.root, blobs)
-    assert said.exists()
-    blobs.path(blob.sha256).unlink()
-    prune(blobs.root, blobs)
-    assert not said.exists()
+def test_the_size_that_is_announced(headers: dict[str, str], size: int) -> None:
+    assert announced_size(response(200, headers)) == size
 
 
 class Cut:
@@ -269,3 +220,67 @@ def test_a_server_that_comes_back_is_taken_up_again(web: Web, fetch: Fetch, name
     names.turns["files.example"] = [["127.0.0.1"], ["127.0.0.4"], ["127.0.0.1"]]
     assert fetch(web.url()).sha256 == SHA256
     assert ranges(web) == [None, f"bytes={HALF}-"]
+
+
+SECRET = "X-Amz-Signature=0123456789abcdef"
+
+
+def test_a_file_that_is_announced_too_large_is_not_read(web: Web, fetch: Fetch) -> None:
+    def huge(handler: Handler) -> None:
+        handler.head(Content_Length=str(10**12))
+        handler.drip()
+
+    web.behaviours["/huge"] = huge
+    with pytest.raises(FetchTooLargeError, match="1000000 bytes"):
+        fetch(web.url("/huge"))
+
+
+@pytest.mark.parametrize("chunked", [True, False])
+def test_an_endless_file_is_left_at_the_limit(
+    chunked: bool, web: Web, fetch: Fetch, blobs: BlobStore
+) -> None:
+    sent = 0
+
+    def endless(handler: Handler) -> None:
+        nonlocal sent
+        handler.head(**({"Transfer_Encoding": "chunked"} if chunked else {"Connection": "close"}))
+        block = bytes(1 << 16)
+        while not handler.server.is_closing.is_set():
+            handler.wfile.write(b"10000\r\n" + block + b"\r\n" if chunked else block)
+            sent += len(block)
+
+    web.behaviours["/endless"] = endless
+    with pytest.raises(FetchTooLargeError):
+        fetch(web.url("/endless"))
+    assert sent < 50 * 10**6
+    assert not list(blobs.incoming.iterdir())
+
+
+def test_a_gzipped_answer_is_stored_as_it_comes(web: Web, fetch: Fetch, blobs: BlobStore) -> None:
+    bomb = gzip.compress(bytes(5 * 10**6))
+    web.behaviours["/bomb"] = lambda handler: handler.give(bomb, Content_Encoding="gzip")
+    blob = fetch(web.url("/bomb"))
+    assert blobs.path(blob.sha256).read_bytes() == bomb
+
+
+@pytest.mark.parametrize("encoding", ["br", "zstd", "deflate", "gzip, gzip", "x"])
+def test_other_encodings_are_refused(encoding: str, web: Web, fetch: Fetch) -> None:
+    web.behaviours["/odd"] = lambda handler: handler.give(Content_Encoding=encoding)
+    with pytest.raises(FetchError, match="compressed"):
+        fetch(web.url("/odd"))
+
+
+@pytest.mark.parametrize(
+    "status", [204, 206, 300, 304, 400, 401, 403, 404, 410, 416, 429, 500, 503]
+)
+def test_any_answer_but_the_file_is_an_error(status: int, web: Web, fetch: Fetch) -> None:
+    web.behaviours["/odd"] = lambda handler: handler.give(
+        b"" if status in (204, 304) else b"secret of the server", status
+    )
+    with pytest.raises(FetchError) as refused:
+        fetch(web.url(f"/odd?{SECRET}"))
+    if status != 206:
+        assert isinstance(refused.value, FetchStatusError)
+        assert str(status) in str(refused.value)
+    assert "secret" not in str(refused.value)
+    assert "Signature" not in str(refused.value)
