@@ -63,7 +63,7 @@ def build_tree(points: Array, weights: Array | None = None) -> Tree:
 
 
 def _cells(points: Array, weights: Array, starts: NDArray[np.int64]) -> Array:
-    """(cells, 11) of one level, columns as in `Tree.cells`."""
+    """Return the (cells, 11) of one level, columns as in `Tree.cells`."""
     first, count = starts[:-1], np.diff(starts)
     weight = np.add.reduceat(weights, first)
     center = np.add.reduceat(weights[:, None] * points, first) / weight[:, None]

@@ -76,7 +76,7 @@ class TreeField:
 
 
 def _single(points: Array) -> NDArray[np.float32]:
-    """(3, N) float32."""
+    """Return points (N, 3) as (3, N) float32, clipped."""
     return np.ascontiguousarray(_clipped(points).T, np.float32)
 
 

@@ -135,7 +135,7 @@ class _Problem:
     overlap: float | None
 
     def thinned(self, stride: int) -> _Problem:
-        """The problem with every stride-th source point."""
+        """Return the problem with every stride-th source point."""
         return replace(
             self, source=self.source[::stride], source_weights=self.source_weights[::stride]
         )
@@ -165,7 +165,7 @@ class _Problem:
         return fit(self.source[pairs.source], self.target.points[pairs.target], weights)
 
     def _closest(self, T: Array, reach: float) -> _Pairs:
-        """Pairs of the source points that are closest to the target, trimmed."""
+        """Return the pairs of the source points that are closest to the target, trimmed."""
         weights, total = self.source_weights, float(self.source_weights.sum())
         distance, nearest = self.target.nearest(apply(T, self.source), reach)
         order = np.argsort(distance, kind="stable")
@@ -178,19 +178,19 @@ class _Problem:
 
 
 def _step(last: Array, T: Array, arm: float) -> Array:
-    """(6,) motion from the pose last to T: rotation vector times arm, and translation."""
+    """Return the (6,) motion between two poses: rotation vector times arm, and translation."""
     rotation = Rotation.from_matrix(T[:3, :3] @ last[:3, :3].T).as_rotvec()
     return np.concatenate([rotation * arm, T[:3, 3] - last[:3, 3]])
 
 
 def _advanced(T: Array, step: Array, arm: float) -> Array:
-    """The pose T after a step as `_step` returns it."""
+    """Return the pose T after a step as `_step` returns it."""
     R = Rotation.from_rotvec(step[:3] / arm).as_matrix()
     return pose(R @ T[:3, :3], T[:3, 3] + step[3:])
 
 
 def _extrapolation(last: Array, step: Array) -> float:
-    """Number of further steps to take at once (Besl and McKay 1992).
+    """Return the number of further steps to take at once (Besl and McKay 1992).
 
     Steps that point the same way and shrink by r each have r / (1 - r) times the last one left.
     """

@@ -10,6 +10,7 @@ from mpe_core.geometry.nearest import (
     MIN_TREE_REACH,
     MIN_TWO_PASS_RATIO,
     POINTS_PER_CELL,
+    NearestNeighbors,
     nearest_rows,
 )
 from tests.factories.clouds import bunny
@@ -73,3 +74,12 @@ def test_nothing_within_reach(cloud):
     far = cloud[:100] + 10
     assert (nearest_rows(far, cloud, 0.01) == -1).all()
     assert (nearest_rows(far, cloud, 0.5) == -1).all()
+
+
+def test_points_are_their_own_nearest_neighbors(cloud):
+    distance, row = NearestNeighbors(cloud).nearest(cloud)
+    assert not distance.any()
+    np.testing.assert_array_equal(cloud[row], cloud)
+    distance, row = NearestNeighbors(cloud).nearest(cloud + 9, reach=1.0)
+    assert np.isinf(distance).all()
+    assert (row == len(cloud)).all()

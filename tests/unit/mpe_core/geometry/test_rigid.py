@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mpe_core.geometry.rigid import (
     apply,
     axis_rotation,
+    cross_matrix,
     fit,
     inverse,
     pose,
@@ -71,16 +73,16 @@ def test_fit_never_mirrors():
         assert np.linalg.det(fit(x, mirrored)[:3, :3]) == pytest.approx(1)
 
 
-def test_random_rotations_are_rotations_and_spread_over_all_of_them():
-    rng = np.random.default_rng(4)
-    R = np.array([random_rotation(rng) for _ in range(4000)])
-    np.testing.assert_allclose(
-        R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (4000, 1, 1)), atol=1e-12
-    )
-    angles = np.array([rotation_error(np.eye(3), r) for r in R])
-    # even on SO(3): the share with an angle up to a is (a - sin a) / pi; 0.03 is 4 sigma
-    for a in (np.pi / 3, np.pi / 2, 2.5):
-        assert np.mean(np.radians(angles) < a) == pytest.approx((a - np.sin(a)) / np.pi, abs=0.03)
+def test_the_cross_matrix_is_the_cross_product():
+    a, p = np.random.default_rng(4).normal(size=(2, 5, 3))
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", cross_matrix(a), p), np.cross(a, p))
+    np.testing.assert_array_equal(cross_matrix(a[0]), cross_matrix(a)[0])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 1.0, np.pi])
+def test_axis_rotation_is_that_of_a_rotation_vector(angle):
+    expected = Rotation.from_rotvec(angle * AXIS / np.linalg.norm(AXIS)).as_matrix()
+    np.testing.assert_allclose(axis_rotation(AXIS, angle), expected, atol=1e-15)
 
 
 def test_inverse_undoes():

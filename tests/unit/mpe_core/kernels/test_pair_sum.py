@@ -1,20 +1,19 @@
-"""The direct sum against its plain twin."""
+"""The exact sum over all pairs against its plain twin."""
 
 import numba
 import numpy as np
 import pytest
 
-from mpe_core.assess.energy import p2_energy
 from mpe_core.geometry.rigid import apply, axis_rotation, pose
-from mpe_core.paper.force_field import ExactField, torque_and_gravity
+from mpe_core.paper.force_field import ExactField
 
 
-def force_twin(x, y, eps, masses):
+def force_twin(x, y, eps, weights):
     """Eq. 7 written down: F_i = - sum_j m_j n_ij / (|x_i - y_j|^2 + eps^2)."""
     R = x[:, None] - y[None]
     r2 = (R**2).sum(axis=2)
     n = R / np.maximum(np.sqrt(r2), 1e-300)[:, :, None]
-    return -(n * (masses / (r2 + eps**2))[:, :, None]).sum(axis=1)
+    return -(n * (weights / (r2 + eps**2))[:, :, None]).sum(axis=1)
 
 
 @pytest.mark.parametrize("counts", [(1, 1), (5, 3), (300, 1024), (64, 1025), (200, 5000)])
@@ -23,10 +22,10 @@ def test_force_is_the_double_sum(counts, eps):
     rng = np.random.default_rng(counts)
     x, y = rng.normal(size=(counts[0], 3)), rng.normal(size=(counts[1], 3))
     for given in (None, rng.lognormal(0, 3, counts[1])):
-        masses = np.ones(counts[1]) if given is None else given
-        exact = force_twin(x, y, eps, masses)
+        weights = np.ones(counts[1]) if given is None else given
+        exact = force_twin(x, y, eps, weights)
         # float32 rounds each pair to 1e-6 of itself: the bound is on the sum of the magnitudes
-        scale = (masses / (((x[:, None] - y[None]) ** 2).sum(axis=2) + eps**2)).sum(axis=1)
+        scale = (weights / (((x[:, None] - y[None]) ** 2).sum(axis=2) + eps**2)).sum(axis=1)
         error = np.abs(ExactField(y, eps, given).force(x) - exact).max(axis=1)
         assert (error < 3e-6 * scale + 1e-6 * np.abs(exact).max()).all()
 
@@ -65,29 +64,3 @@ def test_the_bits_do_not_depend_on_the_threads():
         results.append(ExactField(y, 0.1).force(x).tobytes())
     numba.set_num_threads(before)
     assert len(set(results)) == 1
-
-
-def test_torque_and_gravity_are_equations_8_and_9():
-    rng = np.random.default_rng(8)
-    points, force, centre = rng.normal(size=(20, 3)), rng.normal(size=(20, 3)), rng.normal(size=3)
-    T, S = np.zeros(3), np.zeros(3)
-    for p, f in zip(points, force, strict=True):
-        v = (p - centre) / np.linalg.norm(p - centre)
-        T += np.cross(v, f - (f @ v) * v)
-        S += (f @ v) * v
-    torque, gravity = torque_and_gravity(points, centre, force)
-    np.testing.assert_allclose(torque, T, atol=1e-12)
-    np.testing.assert_allclose(gravity, S, atol=1e-12)
-
-
-def test_a_point_at_the_centre_neither_turns_nor_moves():
-    torque, gravity = torque_and_gravity(np.zeros((1, 3)), np.zeros(3), np.ones((1, 3)))
-    assert not torque.any()
-    assert not gravity.any()
-
-
-def test_p2_energy_counts_close_points_fully_and_far_ones_not():
-    assert p2_energy(np.zeros(5), 0.1) == -1
-    assert p2_energy(np.full(5, 0.1), 0.1) == pytest.approx(-0.5)
-    assert -1e-3 < p2_energy(np.full(5, 10.0), 0.1) < 0
-    assert p2_energy(np.array([0.0, 10.0]), 0.1) == pytest.approx(-0.5, abs=1e-3)

@@ -9,7 +9,7 @@ from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.paper.trimmed_icp import trimmed_count, trimmed_icp
 from tests.factories.checks import assert_pose_close
-from tests.factories.clouds import bunny, points_of, real_pair
+from tests.factories.clouds import bunny, real_pair
 
 
 def nudge(degrees, shift, seed=0):
@@ -80,13 +80,3 @@ def test_a_bound_on_the_iterations_is_kept_and_reported(data):
     cloud = bunny(data)
     found = refined(apply(nudge(20, 0.1), cloud), cloud, np.eye(4), max_iterations=1)
     assert (found.converged, found.iterations) == (False, 1)
-
-
-def test_points_are_their_own_nearest_neighbours(data):
-    cloud = points_of(data / "bunny_whole" / "bun_zipper_res4.ply")
-    distance, row = NearestNeighbors(cloud).nearest(cloud)
-    assert not distance.any()
-    np.testing.assert_array_equal(cloud[row], cloud)
-    distance, row = NearestNeighbors(cloud).nearest(cloud + 9, reach=1.0)
-    assert np.isinf(distance).all()
-    assert (row == len(cloud)).all()
