@@ -9,11 +9,8 @@ from mpe_core import RegistrationOptions, register
 from mpe_core.clouds.preprocess import prepare_cloud
 from mpe_core.clouds.surface import fit_surface
 from mpe_core.geometry.rigid import apply, pose, rotation_error
-from mpe_core.geometry.rotations import even_rotations
-from mpe_core.geometry.sampling import sample_weighted_rows
 from mpe_core.kernels.energy_descent import descend_poses
-from mpe_core.kernels.farthest_point import farthest_order
-from mpe_core.kernels.translation_votes import best_translations, direction_bin
+from mpe_core.kernels.translation_votes import direction_bin
 from mpe_core.search.nearest_lattice import build_lattice
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import (
@@ -32,36 +29,6 @@ def model(data):
     return fit_surface(bunny(data, "bun_zipper_res2").astype(np.float32))
 
 
-def test_even_rotations_are_rotations_that_leave_no_gap():
-    count = 1152
-    rotations = even_rotations(count)
-    identity = np.broadcast_to(np.eye(3), (count, 3, 3))
-    np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), identity, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(rotations), 1)
-    some = Rotation.random(500, rng=2).as_matrix()
-    traces = np.einsum("aij,bij->ab", some, rotations)
-    gap = np.degrees(np.arccos((traces.max(axis=1) - 1) / 2))
-    # even cells of SO(3): their angular radius is (6 pi / count)^(1/3)
-    assert gap.max() < 1.5 * np.degrees((6 * np.pi / count) ** (1 / 3))
-
-
-def test_farthest_order_is_the_textbook_loop():
-    points = np.random.default_rng(3).normal(size=(300, 3)).astype(np.float32)
-    expected = [0]
-    for _ in range(19):
-        distance = np.linalg.norm(points[:, None] - points[expected], axis=2).min(axis=1)
-        expected.append(int(distance.argmax()))
-    np.testing.assert_array_equal(farthest_order(points, 20), expected)
-
-
-def test_weighted_rows_follow_the_weights_and_skip_zero():
-    weights = np.array([0.0, 1, 2, 4])
-    rng = np.random.default_rng(4)
-    first = np.array([sample_weighted_rows(weights, 3, rng)[0] for _ in range(7000)])
-    share = np.bincount(first, minlength=4) / len(first)
-    np.testing.assert_allclose(share, weights / weights.sum(), atol=0.02)  # 3 sigma
-
-
 def test_the_bin_of_a_line_is_the_nearest_direction_or_a_neighbour():
     directions = bin_directions()
     for row, (x, y, z) in enumerate(directions):
@@ -69,31 +36,6 @@ def test_the_bin_of_a_line_is_the_nearest_direction_or_a_neighbour():
     lines = Rotation.random(300, rng=5).as_matrix()[:, 0].astype(np.float32)
     found = np.array([direction_bin(*line) for line in lines])
     assert np.abs(np.einsum("ni,ni->n", lines, directions[found])).min() > MIN_NORMAL_AGREEMENT
-
-
-def test_votes_are_the_histogram_of_all_differences():
-    rng = np.random.default_rng(6)
-    source, target = (rng.uniform(-1, 1, (n, 3)).astype(np.float32) for n in (20, 30))
-    cell, half = np.float32(0.25), np.full(3, 16, np.int64)
-    width = 2 * half + 1
-    numbers = np.floor(target / cell).astype(np.int64) @ [width[1] * width[2], width[2], 1]
-    everywhere = np.arange(len(bin_directions()) + 1) * len(target)
-    lists = np.tile(numbers, len(bin_directions())).astype(np.int32)
-    rotations = even_rotations(12).astype(np.float32)
-    normals = np.tile(np.float32([0, 0, 1]), (len(source), 1))
-    translations, votes = best_translations(
-        rotations, (source, normals), (lists, everywhere), cell, half
-    )
-    for R, t, most in zip(rotations, translations, votes, strict=True):
-        turned = np.floor(source @ R.T / cell).astype(int)
-        differences = (np.floor(target / cell).astype(int)[:, None] - turned).reshape(-1, 3)
-        corner = np.round(t / cell - 0.5).astype(int)
-
-        def count(at, differences=differences):
-            return ((differences >= at) & (differences <= at + 1)).all(axis=1).sum()
-
-        assert count(corner) == most
-        assert max(count(at) for at in np.unique(differences, axis=0)) <= most
 
 
 def test_the_field_names_a_nearest_point_within_a_cell(model):
