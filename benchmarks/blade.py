@@ -1,4 +1,4 @@
-"""A turbine blade made from parameters, and a laser scanner that looks at it; millimetres."""
+"""A parametric turbine blade and a simulated laser scanner; millimeters."""
 
 from __future__ import annotations
 
@@ -20,25 +20,28 @@ STAND_OFF = 400.0
 FIELD = np.radians(19)
 PIXELS = 280
 NOISE = 0.04  # standard deviation along the ray
-STRAYS = 0.02  # share of the points
+STRAY_SHARE = 0.02  # share of the points
 
 
 def blade() -> list[Mesh]:
-    """Closed meshes of aerofoil, platform and dovetail: vertices (V, 3), triangles (T, 3)."""
+    """Return closed meshes of airfoil, platform and dovetail: vertices (V, 3), triangles (T, 3)."""
     x0, x1, y0, y1, z0, z1 = PLATFORM
     platform = np.array([(y0, z0), (y1, z0), (y1, z1), (y0, z1)])
     dovetail = np.array(DOVETAIL, float)
     return [
-        _aerofoil(sections=60, points=80),
+        _airfoil(sections=60, points=80),
         _prism(platform, x0, x1),
         _prism(dovetail, 0.8 * x0, 0.8 * x1),
     ]
 
 
 def scan(azimuth: float, elevation: float, roll: float, seed: int) -> tuple[Array, Array]:
-    """Scan the blade from a direction (radians): points (N, 3) in the scanner's frame, its pose.
+    """Scan the blade from a direction given in radians.
 
-    The pose (4, 4) maps the blade's frame to the scanner's: x right, y down, z along its view.
+    Returns
+    -------
+    Points (N, 3) in the scanner's frame, and the pose (4, 4) T_scanner_blade; the scanner's frame
+    has x right, y down and z along its view.
     """
     import open3d as o3d
 
@@ -55,12 +58,12 @@ def scan(azimuth: float, elevation: float, roll: float, seed: int) -> tuple[Arra
     noisy = distance[seen] + rng.normal(0, NOISE, seen.sum())
     points = directions[seen] * noisy[:, None]
     low, high = points.min(axis=0), points.max(axis=0)
-    strays = rng.uniform(low, high, (int(STRAYS * len(points)), 3))
+    strays = rng.uniform(low, high, (int(STRAY_SHARE * len(points)), 3))
     return rng.permutation(np.vstack([points, strays])), T_scanner_blade
 
 
 def _pixels() -> Array:
-    """Unit directions of the scanner's rays in its frame."""
+    """Return the unit directions of the scanner's rays in its frame."""
     side = np.tan(FIELD / 2) * np.linspace(-1, 1, PIXELS)
     right, down = np.meshgrid(side, side)
     rays = np.stack([right.ravel(), down.ravel(), np.ones(PIXELS**2)], axis=1)
@@ -68,7 +71,7 @@ def _pixels() -> Array:
 
 
 def _pose(azimuth: float, elevation: float, roll: float) -> Array:
-    centre = np.array([0.0, 0.0, 0.38 * SPAN])
+    center = np.array([0.0, 0.0, 0.38 * SPAN])
     view = -np.array(
         [
             np.cos(elevation) * np.cos(azimuth),
@@ -82,13 +85,16 @@ def _pose(azimuth: float, elevation: float, roll: float) -> Array:
     c, s = np.cos(roll), np.sin(roll)
     R = np.stack([c * right + s * down, c * down - s * right, view])
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, R @ (view * STAND_OFF - centre)
+    T[:3, :3], T[:3, 3] = R, R @ (view * STAND_OFF - center)
     return T
 
 
 def _section(points: int) -> Array:
-    """Outline (2 points, 2) of a NACA 4-digit aerofoil of chord 1, centred, from the tail over
-    the upper side to the tail again (Abbott and von Doenhoff, Theory of Wing Sections, ch. 6)."""
+    """Return the outline (2 points, 2) of a NACA 4-digit airfoil of chord 1.
+
+    It runs from the tail over the upper side to the tail again (Abbott and von Doenhoff, Theory of
+    Wing Sections, ch. 6).
+    """
     x = (1 - np.cos(np.linspace(0, np.pi, points))) / 2
     polynomial = 0.2969 * np.sqrt(x) - 0.126 * x - 0.3516 * x**2 + 0.2843 * x**3 - 0.1036 * x**4
     half = 5 * THICKNESS * polynomial
@@ -103,7 +109,7 @@ def _section(points: int) -> Array:
     return np.vstack([upper[::-1], lower]) - [0.4, 0.0]
 
 
-def _aerofoil(sections: int, points: int) -> Mesh:
+def _airfoil(sections: int, points: int) -> Mesh:
     outline = _section(points)
     rings = []
     for s in np.linspace(0, 1, sections):
@@ -116,12 +122,12 @@ def _aerofoil(sections: int, points: int) -> Mesh:
 
 
 def _prism(section: Array, x0: float, x1: float) -> Mesh:
-    """The y, z section extruded from x0 to x1."""
+    """Extrude a section in the y, z plane from x0 to x1."""
     return _skin(np.array([np.insert(section, 0, x, axis=1) for x in (x0, x1)]))
 
 
 def _skin(rings: Array) -> Mesh:
-    """Triangles between neighbouring rings (S, P, 3), and a fan at each end."""
+    """Return the triangles between neighboring rings (S, P, 3), and a fan at each end."""
     count, size, _ = rings.shape
     i, j = np.meshgrid(np.arange(count - 1), np.arange(size), indexing="ij")
     a, b = i * size + j, i * size + (j + 1) % size
@@ -131,6 +137,6 @@ def _skin(rings: Array) -> Mesh:
         np.stack([np.full(size, count * size + e), first + k, first + (k + 1) % size], axis=1)
         for e, first in enumerate((0, (count - 1) * size))
     ]
-    centres = rings[[0, -1]].mean(axis=1)
-    vertices = np.vstack([rings.reshape(-1, 3), centres])
+    centers = rings[[0, -1]].mean(axis=1)
+    vertices = np.vstack([rings.reshape(-1, 3), centers])
     return vertices, np.vstack([sides.reshape(-1, 3), *ends]).astype(np.int32)

@@ -30,40 +30,41 @@ SLACK = 2.0  # over the tolerances of a pair: the minimum next to the true pose,
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = [*_real(), *_foreign()]
     return {"rows": rows, "fitted": fit([row for row in rows if row["half"] == 0])}
 
 
 def _real() -> Iterator[Result]:
-    """The minimum next to the true pose of each pair, as it is and with noise."""
+    """Yield the minimum next to the true pose of each pair, as it is and with noise."""
     rng = np.random.default_rng(0)
     for number, pair in enumerate(json.loads((DATA / "pairs.json").read_text())):
         trial = real_trial(DATA, pair, seed=0)
         for noise in (CLEAN, *NOISES):
             x, y = _noisy(trial.source, trial.target, noise, rng)
-            centred, pipeline = pipeline_of(x, y)
-            found = pipeline.refine(centred.from_caller(trial.T_target_source))
-            T = centred.to_caller(found.minimum.T)
+            centered, pipeline = pipeline_of(x, y)
+            found = pipeline.refine(centered.from_caller(trial.T_target_source))
+            T = centered.to_caller(found.minimum.T)
             degrees, shift = pose_error(T, trial.T_target_source, x)
             if is_right(pair, degrees / SLACK, shift / SLACK):
                 yield _row(pair["id"], number, noise, found.evidence, right=True)
 
 
 def _foreign() -> Iterator[Result]:
-    """What `register` finds where there is nothing to find."""
+    """Yield what `register` finds where there is nothing to find."""
     rng = np.random.default_rng(1)
     for number, (name, source, target) in enumerate(impossible_pairs(IMPOSSIBLE)):
         for noise in (CLEAN, NOISES[number // 2 % len(NOISES)]):
             x, y = _noisy(source, target, noise, rng)
-            centred, pipeline = pipeline_of(x, y)
-            T = centred.from_caller(register(x, y).T_target_source)
+            centered, pipeline = pipeline_of(x, y)
+            T = centered.from_caller(register(x, y).T_target_source)
             yield _row(name, number, noise, pipeline.scorer.score(T), right=False)
 
 
 def _noisy(
     source: Array, target: Array, noise: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Both clouds with Gaussian noise, in radii of the smaller one."""
+    """Return both clouds with Gaussian noise, in radii of the smaller one."""
     unit = normalize_pair(validate_cloud(source), validate_cloud(target)).unit
     x, y = (
         cloud + sigma * unit * rng.normal(size=cloud.shape)
@@ -80,8 +81,14 @@ def _row(
 
 
 def fit(rows: list[Result]) -> list[float]:
-    """Weights of agreement and coverage, and the intercept, of the logistic model that tells right
-    rows from wrong ones, a wrong one counting WRONG_COUNTS times."""
+    """Fit the logistic model that tells right rows from wrong ones.
+
+    A wrong row counts WRONG_COUNTS times.
+
+    Returns
+    -------
+    Weights of surface agreement and coverage, and the intercept.
+    """
     X = np.array([[row["surface_agreement"], row["coverage"], 1.0] for row in rows])
     right = np.array([row["right"] for row in rows])
     weight = np.where(right, 1.0, WRONG_COUNTS)
@@ -95,6 +102,7 @@ def fit(rows: list[Result]) -> list[float]:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = [row | _verdict(row) for row in result["rows"]]
     groups = {}
     for half in (0, 1):

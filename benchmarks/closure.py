@@ -25,6 +25,7 @@ Poses = dict[tuple[str, str], Array]
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     poses, published = _poses()
     rings = [(f"{name}, once around", ring) for name, ring in RINGS.items()]
     rings += [(f"{ring[0].split('/')[0]}, three views", ring) for ring in triangles(poses)]
@@ -32,7 +33,7 @@ def run() -> Result:
 
 
 def _poses() -> tuple[Poses, Poses]:
-    """The poses that `register` finds with its defaults, and those of pairs.json."""
+    """Return the poses that `register` finds with its defaults, and those of pairs.json."""
     found: Poses = {}
     published: Poses = {}
     for pair in json.loads((DATA / "pairs.json").read_text()):
@@ -48,15 +49,14 @@ def _poses() -> tuple[Poses, Poses]:
 
 
 def triangles(poses: Poses) -> list[Sequence[str]]:
-    """Every three clouds of which each two are a pair, once."""
+    """List every three clouds of which each two are a pair, once."""
     clouds = sorted({cloud for ends in poses for cloud in ends})
     rings = [(b, a, c) for (a, b), c in product(poses, clouds) if a < b < c]
     return [ring for ring in rings if all(ends in poses for ends in permutations(ring, 2))]
 
 
 def closure(poses: Poses, ring: Sequence[str]) -> float:
-    """Degrees that the poses from each cloud to the next, and from the last to the first, turn in
-    all."""
+    """Return the angle in degrees of the product of the poses once around a ring of clouds."""
     T = np.eye(4)
     for a, b in _steps(ring):
         T = poses[a, b] @ T
@@ -79,6 +79,7 @@ def _row(name: str, ring: Sequence[str], poses: Poses, published: Poses) -> Resu
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     columns = (
         "ring",
         "views",

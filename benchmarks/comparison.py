@@ -20,10 +20,11 @@ Row = dict[str, Any]
 
 
 def compare(methods: Sequence[Method], trials: Iterable[tuple[Row, Trial]]) -> list[Row]:
-    """One row for each trial and method: the trial's labels, the method, errors and seconds.
+    """Run methods on trials; return a row for each: labels, method, errors and seconds.
 
-    Degrees by Eq. 11; shift is how far apart the found and the true pose put the source's centroid
-    (Eq. 12 about the centroid, where it does not depend on the origin of the coordinates).
+    `degrees` is the rotation error of Eq. 11, `shift` the distance between the source's centroids
+    under the found and the true pose (Eq. 12 about the centroid, which makes it independent of the
+    origin of the coordinates).
     A method that is not installed has no rows.
     """
     for method in methods:
@@ -48,10 +49,12 @@ def compare(methods: Sequence[Method], trials: Iterable[tuple[Row, Trial]]) -> l
 
 
 def described(methods: Sequence[Method]) -> dict[str, dict[str, str | None]]:
+    """Return version and settings of each method by its name."""
     return {m.name: {"version": m.version, "settings": m.settings} for m in methods}
 
 
 def settings_text(methods: dict[str, dict[str, str | None]]) -> str:
+    """Return one line with the version and the settings of every method."""
     return "; ".join(
         f"{name} ({m['version'] or 'NOT INSTALLED'}): {m['settings']}"
         for name, m in methods.items()
@@ -59,7 +62,7 @@ def settings_text(methods: dict[str, dict[str, str | None]]) -> str:
 
 
 def values(rows: Iterable[Row], value: str, **labels: object) -> np.ndarray:
-    """(K,) the values of the rows with these labels."""
+    """Return the (K,) values of the rows with these labels."""
     return np.array(
         [row[value] for row in rows if all(row[key] == label for key, label in labels.items())]
     )
@@ -68,8 +71,13 @@ def values(rows: Iterable[Row], value: str, **labels: object) -> np.ndarray:
 def binned(
     rows: Iterable[Row], value: str, edges: Sequence[float]
 ) -> list[tuple[float, float, list[Row]]]:
-    """Neighbouring edges and the rows with the value from the lower to below the upper one, for
-    those that hold any; the last edge belongs to its rows."""
+    """Sort rows into the bins between neighboring edges, by one of their values.
+
+    Returns
+    -------
+    Lower edge, upper edge and rows of each bin that has any. A bin includes its lower edge; the
+    last one includes both.
+    """
     rows, last = list(rows), edges[-1]
     found = [
         (low, high, [r for r in rows if low <= r[value] < high or r[value] == high == last])
@@ -79,13 +87,13 @@ def binned(
 
 
 def measured(result: dict[str, Any]) -> list[str]:
-    """Names of the methods that have rows."""
+    """Return the names of the methods that have rows."""
     names = {row["method"] for row in result["rows"]}
     return [name for name in result["methods"] if name in names]
 
 
 def absent(result: dict[str, Any], columns: int) -> list[tuple[str, ...]]:
-    """A line of a table for each method that is not installed."""
+    """Return a table row for each method that is not installed."""
     methods = result["methods"]
     return [
         (name, *["not installed"] * (columns - 1))
@@ -95,7 +103,7 @@ def absent(result: dict[str, Any], columns: int) -> list[tuple[str, ...]]:
 
 
 def by_method(rows: list[Row], value: str, key: str, names: Sequence[str]) -> list[list[object]]:
-    """A line for each method: its name, then its median for each value of the key."""
+    """Return a table row for each method: its name, then its median for each value of the key."""
     keys = list(dict.fromkeys(row[key] for row in rows))
     return [
         [name, *(_median(values(rows, value, method=name, **{key: at})) for at in keys)]
@@ -108,7 +116,7 @@ def _median(found: np.ndarray) -> object:
 
 
 def curves(axes: Axes, rows: list[Row], key: str, value: str) -> None:
-    """Median of each method over the key."""
+    """Plot the median of each method over the key."""
     axes.set_prop_cycle(color=colormaps["tab20"].colors)  # there may be more than ten methods
     for name in dict.fromkeys(row["method"] for row in rows):
         keys = list(dict.fromkeys(row[key] for row in rows if row["method"] == name))

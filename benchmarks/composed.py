@@ -1,4 +1,4 @@
-"""Real pairs that pairs.json does not list: its poses composed along chains of its pairs."""
+"""Real pairs that pairs.json does not list: poses composed along chains of its pairs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Steps = dict[str, list[tuple[str, Array]]]
 
 
 def composed_pairs() -> list[Pair]:
-    """The pairs, both ways round, with at least MIN_OVERLAP; always the same ones in one order.
+    """Return the pairs with an overlap of at least MIN_OVERLAP, in both directions.
 
     Overlap is that of pairs.json: the share of source points with a target point within the
     suite's overlap_radius at the true pose. The tolerances are the largest of the suite.
@@ -44,7 +44,7 @@ def _of_suite(listed: list[Pair]) -> list[Pair]:
 
 
 def composed_poses(listed: list[Pair]) -> dict[tuple[str, str], Array]:
-    """T_target_source of each (source, target) that a chain connects, and neither order lists."""
+    """Compose T_target_source of each (source, target) that a chain connects and no pair lists."""
     steps: Steps = defaultdict(list)
     for pair in listed:
         T = true_pose(pair)
@@ -59,7 +59,7 @@ def composed_poses(listed: list[Pair]) -> dict[tuple[str, str], Array]:
 
 
 def _reached(source: str, steps: Steps) -> dict[str, Array]:
-    """T_cloud_source of each cloud that pairs lead to, along the fewest of them."""
+    """Return T_cloud_source of each cloud that pairs lead to, along the fewest of them."""
     poses, waiting = {source: np.eye(4)}, deque([source])
     while waiting:
         here = waiting.popleft()
@@ -71,7 +71,7 @@ def _reached(source: str, steps: Steps) -> dict[str, Array]:
 
 
 def overlap(source: Array, target: KDTree, radius: float) -> float:
-    """Share of the source points (N, 3), in the target's frame, that a target point is near."""
+    """Return the share of source points (N, 3), in the target's frame, near a target point."""
     distance, _ = target.query(source, distance_upper_bound=radius, workers=-1)
     return float(np.isfinite(distance).mean())
 

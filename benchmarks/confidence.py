@@ -35,6 +35,7 @@ FITTING = 1.5  # times the median distance at the true pose: a shape lies on its
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     return {"rows": _real() + _foreign(), "shapes": [_shape(shape) for shape in SHAPES]}
 
 
@@ -77,7 +78,7 @@ def _judged(source: Array, target: Array, found: Registration) -> Result:
 
 
 def pipeline_of(source: Array, target: Array) -> tuple[Centred, PosePipeline]:
-    """The centred clouds, and what `register` with its defaults makes of them."""
+    """Return the normalized clouds and the pipeline that `register` runs with its defaults."""
     pair = normalize_pair(validate_cloud(source), validate_cloud(target))
     options = RegistrationOptions()
     clouds = prepare_clouds(pair, options)
@@ -109,6 +110,7 @@ def roc_area(score: NDArray[np.float64], right: NDArray[np.bool_]) -> float:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = result["rows"]
     shapes = [
         (s["shape"], s["fits"], s["accepted"], s["ambiguous"], s["others"])
@@ -137,7 +139,7 @@ def table(result: Result) -> str:
 
 
 def verdicts_table(groups: dict[str, list[Result]]) -> str:
-    """A line for each group of judged attempts: how well the verdict tells right from wrong."""
+    """Return a table of how well the verdict tells right from wrong, a row for each group."""
     return markdown(
         ("cases", "right", "wrong", "area under ROC", "wrong accepted", "right refused"),
         [_summary(name, rows) for name, rows in groups.items()],
@@ -145,7 +147,7 @@ def verdicts_table(groups: dict[str, list[Result]]) -> str:
 
 
 def misjudged(rows: list[Result]) -> str:
-    """The cases whose verdict is wrong, by name."""
+    """List the cases whose verdict is wrong."""
     accepted = [r for r in rows if r["accepted"] and not r["right"]]
     refused = [r for r in rows if r["right"] and not r["accepted"]]
     return f"Wrong, but accepted: {_named(accepted)}.\n\nRight, but refused: {_named(refused)}."
@@ -196,11 +198,11 @@ def draw(result: Result, figure: Figure) -> None:
     """Evidence of right and wrong poses, the ROC curve, and how far the confidence is true."""
     evidence, curve, reliability = figure.subplots(1, 3)
     rows = result["rows"]
-    for right, colour in ((True, "tab:blue"), (False, "tab:red")):
+    for right, color in ((True, "tab:blue"), (False, "tab:red")):
         mine = [r for r in rows if r["right"] == right]
         agreement, coverage = ([r[key] for r in mine] for key in ("surface_agreement", "coverage"))
         evidence.plot(
-            agreement, coverage, ".", color=colour, alpha=0.5, label="right" if right else "wrong"
+            agreement, coverage, ".", color=color, alpha=0.5, label="right" if right else "wrong"
         )
     evidence.set(xlabel="on the target, of those over it", ylabel="share of near points")
     evidence.legend()

@@ -20,6 +20,7 @@ Array = NDArray[np.float32]
 
 
 def main() -> None:
+    """Write and decode a cloud in each format; print sizes and seconds."""
     points = np.random.default_rng(0).normal(0, 10, (COUNT, 3)).astype(np.float32)
     print(f"{COUNT} points, best of {REPEATS}")
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""`make demo`: a running service aligns two scans, of a generated blade or any two files."""
+"""`make demo`: a running service registers two scans of a generated blade, or any two files."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ START_S = 60
 
 
 def main() -> int:
+    """Run the demonstration; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--source", type=Path, help="the cloud that is moved")
     parser.add_argument("--target", type=Path, help="the cloud that stays")
@@ -59,7 +60,7 @@ def main() -> int:
 
 
 def _scanned_blade() -> tuple[Path, Path, Array]:
-    """Two files, each in its scanner's own frame, and the true pose between the frames."""
+    """Write two scans, each in its scanner's frame; return both paths and T_target_source."""
     paths = FOLDER / "source.ply", FOLDER / "target.ply"
     poses = []
     for seed, (path, view) in enumerate(zip(paths, (SOURCE_VIEW, TARGET_VIEW), strict=True)):
@@ -72,7 +73,7 @@ def _scanned_blade() -> tuple[Path, Path, Array]:
 
 @contextmanager
 def _service() -> Iterator[str]:
-    """Run the service on a free port; gives its URL, stops it at the end."""
+    """Run the service on a free port, yield its URL and stop it at the end."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -117,7 +118,7 @@ def _post(url: str, source: Path, target: Path) -> dict[str, Any] | None:
 
 
 def _shortened(job: dict[str, Any]) -> str:
-    """The answer as indented JSON, short lists in one line, the list of pairs cut."""
+    """Return the answer as indented JSON, short lists in one line, the list of pairs cut."""
     pairs = (job.get("result") or {}).get("inliers", {}).get("pairs")
     shown = json.loads(json.dumps(job))
     if pairs:
@@ -126,7 +127,7 @@ def _shortened(job: dict[str, Any]) -> str:
 
 
 def _lines(value: Any, indent: str) -> Iterator[str]:
-    """JSON with one member a line, one row of a matrix, and other lists in one line."""
+    """Yield JSON with one member a line, one row of a matrix a line, other lists in one line."""
     yield "{"
     for number, (key, member) in enumerate(value.items(), 1):
         comma = "," if number < len(value) else ""
@@ -154,7 +155,7 @@ def _compare(found: Array, truth: Array, source: Array) -> None:
 
 
 def _draw(source: Array, target: Array, T_target_source: Array, path: Path) -> None:
-    """Both clouds in the target's frame, before and after, along its principal axes."""
+    """Draw both clouds before and after, along the target's principal axes."""
     import matplotlib as mpl
 
     mpl.use("Agg")

@@ -1,4 +1,4 @@
-"""An experiment: measured once, kept as JSON, shown as a table and a picture."""
+"""Experiments: measured once, stored as JSON, shown as a table and a picture."""
 
 from __future__ import annotations
 
@@ -36,16 +36,19 @@ Result = dict[str, Any]
 
 @dataclass(frozen=True)
 class Experiment:
+    """A measurement and how its page shows it."""
+
     name: str
+    """Name on the command line and of the page's files."""
     title: str
     run: Callable[[], Result]
     table: Callable[[Result], str]
-    """The result in Markdown, with a sentence on what was done and what it is compared with."""
+    """Returns the result in Markdown, with a sentence on what was done and how to compare it."""
     draw: Callable[[Result, Figure], None] | None = None
 
 
 def main(experiments: Sequence[Experiment], command: str) -> None:
-    """Run the experiments named on the command line, or all that the code of today has not run."""
+    """Run the experiments named on the command line, or all without a page from this code."""
     known = {experiment.name: experiment for experiment in experiments}
     if unknown := [name for name in sys.argv[1:] if name not in known]:
         sys.exit(f"unknown: {', '.join(unknown)}; there are: {', '.join(known)}")
@@ -68,7 +71,7 @@ def _unfinished(names: Iterable[str]) -> Iterator[str]:
 
 
 def code() -> str:
-    """Fingerprint of what the figures come from: the method, the benchmarks and their versions."""
+    """Return a fingerprint of what the figures depend on: core, benchmarks, locked versions."""
     digest = hashlib.sha256()
     for folder in ("mpe_core", "benchmarks"):
         for path in sorted((PROJECT / folder).rglob("*.py")):
@@ -122,7 +125,7 @@ def _write_index() -> None:
 
 
 def environment() -> dict[str, str | float]:
-    """What the figures depend on besides the code."""
+    """Return what the figures depend on besides the code."""
     return {
         "cores": os.cpu_count() or 1,
         "threads": numba.get_num_threads(),
@@ -133,11 +136,12 @@ def environment() -> dict[str, str | float]:
 
 
 def described(environment: dict[str, Any]) -> str:
+    """Return the environment as one line of text."""
     return ", ".join(f"{key} {value}" for key, value in environment.items())
 
 
 def markdown(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table; floats with three significant digits."""
+    """Return a Markdown table; floats have three significant digits."""
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     lines += ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
     return "\n".join(lines)
@@ -150,7 +154,7 @@ def _cell(value: object) -> str:
 
 
 def timed(call: Callable[..., Any], *arguments: object) -> tuple[Any, float]:
-    """What the call returns, and its seconds."""
+    """Call, and return the result and the seconds that it took."""
     start = time.perf_counter()
     value = call(*arguments)
     return value, time.perf_counter() - start

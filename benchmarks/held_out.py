@@ -18,6 +18,7 @@ OVERLAPS = (0.15, 0.2, ASKED, 0.4, 0.6, 0.8, 1.0)
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     pairs = composed_pairs()
     judged = [
         {"case": pair["id"], "asked": pair["overlap"] >= ASKED} | judged_attempt(pair, 0)
@@ -28,6 +29,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     asked, harder = (
         result | {"rows": [r for r in result["rows"] if (r["overlap"] >= ASKED) == wanted]}
         for wanted in (True, False)
@@ -70,6 +72,7 @@ def _named(rows: list[Result]) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     recall.draw(result, figure, OVERLAPS)
 
 

@@ -1,4 +1,4 @@
-"""Pairs that no pose registers: the source shows another thing than the target."""
+"""Pairs that no pose registers: source and target show different objects."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ SHARED = {  # things that more than one suite shows, or may show; every other su
 
 
 def impossible_pairs(count: int) -> Iterator[tuple[str, Array, Array]]:
-    """Name, source (N, 3) and target (M, 3); the source scaled to the diagonal of the target and
-    turned at random. Always the same ones, evenly from all suites that share nothing."""
+    """Yield name, source (N, 3) and target (M, 3) of pairs of suites that share no object.
+
+    The source is scaled to the diagonal of the target and turned at random. The pairs are always
+    the same, drawn evenly from all combinations of suites.
+    """
     pairs = json.loads((DATA / "pairs.json").read_text())
     suites = list(dict.fromkeys(pair["suite"] for pair in pairs))
     foreign = [(a, b) for a, b in permutations(suites, 2) if _things(a).isdisjoint(_things(b))]

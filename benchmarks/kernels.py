@@ -1,4 +1,4 @@
-"""Speed of the direct sum, beside what the machine can do."""
+"""Speed of the exact sum over all pairs, beside the limits of the machine."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ POINT_BYTES, FORCE_BYTES = 12, 24  # three float32 in, three float64 out
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = []
     every = numba.get_num_threads()
     for count in COUNTS:
@@ -32,11 +33,12 @@ def run() -> Result:
 
 
 def fastest(call: Callable[..., object], *arguments: object) -> float:
-    """Seconds of the fastest of some calls."""
+    """Return the seconds of the fastest of REPEATS calls."""
     return min(timed(call, *arguments)[1] for _ in range(REPEATS))
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = []
     for r in result["rows"]:
         pairs = r["points"] ** 2 / r["seconds"]
@@ -55,7 +57,7 @@ def table(result: Result) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Roofline: operations a second over operations for each byte of memory."""
+    """Draw the roofline: operations a second over operations for each byte of memory."""
     axes = figure.subplots()
     intensity = np.geomspace(0.1, 1e5, 200)
     roof = np.minimum(result["flops"], intensity * result["bytes_per_s"])

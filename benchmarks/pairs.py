@@ -18,12 +18,14 @@ OVERLAPS = (0.0, 0.4, 0.6, 0.8, 1.0)
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     pairs = json.loads((DATA / "pairs.json").read_text())
     rows = attempts(GLOBAL, pairs, SEEDS) + attempts(ONCE, pairs)
     return {"rows": rows, "methods": described([*GLOBAL, *ONCE])}
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     return (
         f"Every pair of pairs.json, turned at random over SO(3) and moved by up to half a "
         f"diagonal, {SEEDS} starts each (one for {', '.join(m.name for m in ONCE)}); right by "
@@ -36,6 +38,7 @@ def table(result: Result) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     recall.draw(result, figure, OVERLAPS)
 
 

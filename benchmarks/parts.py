@@ -23,13 +23,14 @@ from tests.factories.clouds import Array, Pair, Trial, real_trial
 FRACTIONS = (2, 3, 4, 6, 8)
 """Radius of the target over that of the parts."""
 PAIRS_OF_A_SUITE, PARTS_OF_A_PAIR, TRIES = 4, 3, 60
-LEAST_POINTS = 800
+MIN_POINTS = 800
 COVERED, COVERED_WITHIN = 0.8, 0.03
 """Share of a part's points that have a point of the target at the true pose, and how near, in radii
 of the target: others cannot be found."""
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = []
     for pair in _some_of_each_suite():
         trial = real_trial(DATA, pair)
@@ -53,11 +54,11 @@ def parts(trial: Trial) -> Iterator[tuple[int, Array]]:
     whole = robust_radius(trial.target, trial.target.mean(axis=0))
     for fraction in FRACTIONS:
         found = 0
-        for centre in trial.source[rng.integers(len(trial.source), size=TRIES)]:
+        for center in trial.source[rng.integers(len(trial.source), size=TRIES)]:
             if found == PARTS_OF_A_PAIR:
                 break
-            part = trial.source[np.linalg.norm(trial.source - centre, axis=1) < whole / fraction]
-            if len(part) < LEAST_POINTS:
+            part = trial.source[np.linalg.norm(trial.source - center, axis=1) < whole / fraction]
+            if len(part) < MIN_POINTS:
                 continue
             distance, _ = tree.query(apply(trial.T_target_source, part[::20]))
             if np.mean(distance < COVERED_WITHIN * whole) >= COVERED:
@@ -84,6 +85,7 @@ def _row(pair: Pair, trial: Trial, part: Array) -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     columns = (
         "radius",
         "parts",
@@ -120,6 +122,7 @@ def _line(name: str, rows: list[Result]) -> tuple[object, ...]:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     axes = figure.subplots()
     rng = np.random.default_rng(0)
     for right, name in ((True, "right"), (False, "wrong")):

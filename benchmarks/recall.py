@@ -1,4 +1,4 @@
-"""Which real pairs the methods register right: trials, tables and picture."""
+"""Recall of the methods on real pairs: trials, tables and picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEYS = ("overlap", "right")
 
 
 def attempts(methods: Sequence[Method], pairs: Iterable[Pair], seeds: int = 1) -> list[Row]:
-    """Rows of `compare` on each pair from so many starts, with whether the pose is right."""
+    """Return the rows of `compare` on each pair from `seeds` starts, with whether it is right."""
     rows = compare(methods, _trials(pairs, seeds))
     for row in rows:
         row["right"] = is_right(row, row["degrees"], row["shift"])
@@ -37,7 +37,7 @@ def is_right(pair: Pair, degrees: float, shift: float) -> bool:
 
 
 def recall_table(result: Result) -> str:
-    """A line for each method: right ones, their error, seconds."""
+    """Return a table of each method: right poses, their error, seconds."""
     rows = []
     for name in measured(result):
         mine = [r for r in result["rows"] if r["method"] == name]
@@ -57,7 +57,7 @@ def recall_table(result: Result) -> str:
 
 
 def suite_table(result: Result) -> str:
-    """A line for each suite: right ones of each method."""
+    """Return a table of each suite: right poses of each method."""
     suites = dict.fromkeys(r["suite"] for r in result["rows"])
     return _shares(
         result, "suite", {s: [r for r in result["rows"] if r["suite"] == s] for s in suites}
@@ -65,7 +65,7 @@ def suite_table(result: Result) -> str:
 
 
 def overlap_table(result: Result, edges: Sequence[float]) -> str:
-    """A line for each range of the overlap that holds pairs: right ones of each method."""
+    """Return a table of each range of the overlap: right poses of each method."""
     bins = binned(result["rows"], "overlap", edges)
     return _shares(result, "overlap", {f"{low:g} to {high:g}": mine for low, high, mine in bins})
 
@@ -84,7 +84,7 @@ def _share(rows: list[Row], method: str) -> str:
 
 
 def draw(result: Result, figure: Figure, edges: Sequence[float]) -> None:
-    """Share of right ones over the overlap, and over the time."""
+    """Draw the share of right poses over the overlap, and over the time."""
     recall, time = figure.subplots(1, 2)
     for name in measured(result):
         mine = [r for r in result["rows"] if r["method"] == name]

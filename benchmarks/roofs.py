@@ -1,4 +1,4 @@
-"""What the machine can do: peak arithmetic and memory bandwidth, measured on all threads."""
+"""Peak arithmetic and memory bandwidth of the machine, measured on all threads."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _triad(a: NDArray[np.float32], b: NDArray[np.float32], c: NDArray[np.float32
 
 
 def peak_flops(seconds: Timer) -> float:
-    """Floating-point operations a second, float32: the faster of two loads."""
+    """Measure the float32 operations a second: the faster of two loads."""
     square = np.random.default_rng(0).random((SIDE, SIDE), np.float32)
     product = 2 * SIDE**3 / seconds(np.matmul, square, square)
     x, out = square[0, :IN_CACHE] / 2, np.empty(BLOCKS, np.float32)
@@ -44,7 +44,7 @@ def peak_flops(seconds: Timer) -> float:
 
 
 def bandwidth(seconds: Timer) -> float:
-    """Bytes a second between memory and processor: two arrays read, one written."""
+    """Measure the bytes a second between memory and processor: two arrays read, one written."""
     a, b, c = (np.ones(IN_MEMORY, np.float32) for _ in range(3))
     _triad(a, b, c)
     return 3 * a.nbytes / seconds(_triad, a, b, c)

@@ -23,7 +23,7 @@ THREADS_AT = (10_000, 100_000, 1_000_000)
 
 
 def _measure(count: int, threads: int) -> Result:
-    """In a process of its own, so that the peak of the memory is this job's."""
+    """Register clouds of `count` points; runs in a process of its own to measure its memory."""
     numba.set_num_threads(threads)
     rng = np.random.default_rng(count)
     trial = moved(knot(count, rng), rng, largest_deg=180, noise=NOISE)
@@ -45,6 +45,7 @@ def _measure(count: int, threads: int) -> Result:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     every = numba.get_num_threads()
     jobs = [(count, every) for count in COUNTS]
     jobs += [(count, threads) for count in THREADS_AT for threads in range(1, every)]
@@ -56,6 +57,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     columns = ("points each", "threads", "seconds", "us a point", *STAGES)
     rows = [
         (
@@ -79,6 +81,7 @@ def table(result: Result) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     time, memory = figure.subplots(1, 2)
     every = max(r["threads"] for r in result["rows"])
     for threads in range(every, 0, -1):

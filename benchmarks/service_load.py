@@ -48,6 +48,7 @@ PATH = "/v1/registrations"
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     source, target = _bunny()
     with _server() as server:
         dispatch_ms, cancel_ms = _dispatch(server), _cancel(server)
@@ -72,7 +73,7 @@ def _server() -> Iterator[Server]:
 
 
 class Load:
-    """Clients that post, look, list, wait for the end and post again."""
+    """Clients that submit, get, list, wait for the end and submit again."""
 
     def __init__(self, server: Server, source: bytes, target: bytes) -> None:
         self._server = server
@@ -84,6 +85,7 @@ class Load:
         self._memory: list[float] = []
 
     def run(self) -> None:
+        """Run all clients for LOAD_S seconds."""
         self._start = time.perf_counter()
         self._end = self._start + LOAD_S
         watcher = threading.Thread(target=self._watch_memory)
@@ -94,6 +96,7 @@ class Load:
         watcher.join()
 
     def figures(self) -> Result:
+        """Return rates, latencies, statuses and memory."""
         in_time = [moment for moment in self._done if moment <= self._end]
         third = len(self._memory) // 3
         return {
@@ -121,7 +124,7 @@ class Load:
         connection.close()
 
     def _wait(self, connection: http.client.HTTPConnection, url: str) -> None:
-        """Until it has succeeded; the answer, half a megabyte, is only looked into."""
+        """Wait until it has succeeded; reads only the start of the answer of half a megabyte."""
         answer = b'"queued"'
         while b'"queued"' in answer or b'"running"' in answer:
             whole = self._exchange(connection, "GET", url, (), {"Prefer": "wait=60"})
@@ -157,8 +160,10 @@ class Load:
         return response.read()
 
     def _body(self) -> tuple[bytes, ...]:
-        """Another seed each time: the service does the same work only once. Not joined: what the
-        clients do is time that the service has not."""
+        """Return the parts of a request body with a new seed, because equal work is done only once.
+
+        The parts are not joined, to leave the processor to the service.
+        """
         return self._head, f'{{"seed": {next(self._seeds)}}}'.encode(), self._tail
 
     def _watch_memory(self) -> None:
@@ -169,6 +174,7 @@ class Load:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     calls = [
         (name, spread["count"], 1000 * spread["median"], 1000 * spread["p99"])
         for name, spread in result["calls"].items()
@@ -196,7 +202,7 @@ def table(result: Result) -> str:
 
 
 def _without_http(source: bytes, target: bytes) -> float:
-    """Registrations per second when the jobs are put straight into the store."""
+    """Measure the registrations a second of jobs that are put straight into the store."""
     with tempfile.TemporaryDirectory() as directory:
         return asyncio.run(_by_store(Path(directory), source, target))
 
@@ -233,7 +239,7 @@ def _job(source: CloudInput, target: CloudInput, *, seed: int) -> JobRow:
 
 
 def _dispatch(server: Server) -> dict[str, Any]:
-    """From the acceptance of a small job to the first word of its child, in milliseconds."""
+    """Measure the milliseconds from accepting a small job to the first message of its child."""
     cloud = np.random.default_rng(0).normal(size=(50, 3)) * (3, 2, 1)
     file = _npy(cloud)
     times = []
@@ -247,7 +253,7 @@ def _dispatch(server: Server) -> dict[str, Any]:
 
 
 def _cancel(server: Server) -> dict[str, Any]:
-    """From the cancel of a job in native code to the end of its process, in milliseconds."""
+    """Measure the milliseconds from canceling a job in native code to the end of its process."""
     clouds = slow_pair()
     times = []
     for _ in range(CANCELS):
@@ -285,7 +291,7 @@ def _npy(cloud: np.ndarray) -> bytes:
 
 
 def _form(source: bytes, target: bytes) -> tuple[bytes, bytes]:
-    """The multipart body before and after the options."""
+    """Return the multipart body before and after the options."""
     head = b""
     for name, file in (("source", source), ("target", target)):
         disposition = f'form-data; name="{name}"; filename="{name}.npy"'

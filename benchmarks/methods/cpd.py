@@ -11,6 +11,7 @@ OUTLIERS = 0.1  # weight of the uniform part; the paper of CPD uses 0.1 to 0.7
 
 
 def run(source: Array, target: Array) -> Array:
+    """Return the pose T_target_source that the method finds."""
     origin, unit = target.mean(axis=0), float(target.std())
     drift = pycpd.RigidRegistration(
         X=(target - origin) / unit,

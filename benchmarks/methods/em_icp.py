@@ -18,6 +18,7 @@ FIRST_WIDTH, FINE_WIDTH, LAST_WIDTH, SHRINK = 2.0, 0.2, 0.01, 0.9
 
 
 def run(source: Array, target: Array) -> Array:
+    """Return the pose T_target_source that the method finds."""
     unit, origin = float(target.std()), target.mean(axis=0)
     x, y = (source - source.mean(axis=0)) / unit, (target - origin) / unit
     thinned, tree = sample_points(y, THINNED, np.random.default_rng(0)), KDTree(y)

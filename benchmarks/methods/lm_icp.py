@@ -16,6 +16,7 @@ KERNEL = 0.05  # of the Huber loss, in diagonals
 
 
 def run(source: Array, target: Array) -> Array:
+    """Return the pose T_target_source that the method finds."""
     unit, origin = diagonal(target), target.mean(axis=0)
     x, y = (source - source.mean(axis=0)) / unit, (target - origin) / unit
     corner = y.min(axis=0) - MARGIN

@@ -1,4 +1,4 @@
-"""What every method offers."""
+"""The interface of the compared methods."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Method:
 
 
 def version_of(package: str) -> str | None:
-    """Name and version of an installed package."""
+    """Return name and version of a package, or None where it is not installed."""
     try:
         return f"{package} {version(package)}"
     except PackageNotFoundError:
@@ -40,20 +40,24 @@ def version_of(package: str) -> str | None:
 
 
 def diagonal(cloud: Array) -> float:
-    """Length of the diagonal of the bounding box."""
+    """Return the length of the diagonal of the bounding box."""
     return float(np.linalg.norm(np.ptp(cloud, axis=0)))
 
 
-def centred_start(source: Array, target: Array) -> Array:
-    """(4, 4) pose that lays the centroids on each other and turns nothing."""
+def centered_start(source: Array, target: Array) -> Array:
+    """Return the (4, 4) translation that moves the source's centroid onto the target's."""
     T = np.eye(4)
     T[:3, 3] = target.mean(axis=0) - source.mean(axis=0)
     return T
 
 
 def rigid(R: Array, t: Array, source: Array, target: Array, unit: float) -> Array:
-    """(4, 4) pose between the clouds for one between them centred and divided by the unit; R is
-    turned into the nearest rotation, which one of float32 is not to 1e-6."""
+    """Return the (4, 4) pose between clouds, given one between normalized clouds.
+
+    Normalized clouds are centered and divided by `unit`.
+
+    R is replaced by the nearest rotation, which a float32 matrix is not to 1e-6.
+    """
     U, _, Vt = np.linalg.svd(R)
     T = np.eye(4)
     T[:3, :3] = U @ Vt

@@ -1,4 +1,4 @@
-"""Clouds for Open3D's methods, thinned as its tutorials do."""
+"""Clouds for Open3D's methods, downsampled as in its tutorials."""
 
 from __future__ import annotations
 
@@ -19,36 +19,37 @@ AS_IN_THE_TUTORIAL = f"voxel = diagonal / {TUTORIAL_VOXELS}, as on its own pair,
 
 
 def voxel_size(target: Array, voxels: int = VOXELS) -> float:
+    """Return the edge of voxels of which so many span the target's diagonal."""
     return diagonal(target) / voxels
 
 
 def cloud(points: Array, voxel: float) -> o3d.geometry.PointCloud:
-    """Thinned to one point a voxel, with normals from 30 neighbours within two voxels."""
+    """Downsample to one point a voxel, with normals from 30 neighbors within two voxels."""
     thinned = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel)
     thinned.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=2 * voxel, max_nn=30))
     return thinned
 
 
 def features(thinned: o3d.geometry.PointCloud, voxel: float) -> o3d.pipelines.registration.Feature:
-    """FPFH from 100 neighbours within five voxels."""
+    """Compute FPFH from 100 neighbors within five voxels."""
     return o3d.pipelines.registration.compute_fpfh_feature(
         thinned, o3d.geometry.KDTreeSearchParamHybrid(radius=5 * voxel, max_nn=100)
     )
 
 
 def polish(source: Array, target: Array, T: Array) -> Array:
-    """Point-to-plane ICP on clouds thinned to half the voxel, pairs up to one voxel apart."""
+    """Run point-to-plane ICP on clouds of half the voxel, with pairs up to one voxel apart."""
     voxel = voxel_size(target)
     return _point_to_plane(cloud(source, voxel / 2), cloud(target, voxel / 2), voxel, T)
 
 
 def at_best(coarse: Coarse, source: Array, target: Array) -> Array:
-    """The coarse registration with the voxel that served it best, and `polish`."""
+    """Run the coarse registration with the voxel that suits it best, and `polish`."""
     return polish(source, target, coarse(source, target, VOXELS))
 
 
 def as_in_the_tutorial(coarse: Coarse, source: Array, target: Array) -> Array:
-    """The coarse registration, then ICP on all points, pairs up to 0.4 voxels apart."""
+    """Run the coarse registration, then ICP on all points with pairs up to 0.4 voxels apart."""
     T, voxel = coarse(source, target, TUTORIAL_VOXELS), voxel_size(target, TUTORIAL_VOXELS)
     x, y = (o3d.geometry.PointCloud(o3d.utility.Vector3dVector(p)) for p in (source, target))
     y.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=2 * voxel, max_nn=30))

@@ -1,4 +1,4 @@
-"""This project."""
+"""The methods of this project."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def _gmmreg(source: Array, target: Array) -> Array:
     registration = l2dist_regs.RigidGMMReg(
         (source - source.mean(axis=0)) / unit, n_gmm_components=COMPONENTS, delta=SHRINK
     )
-    # one thread: the matrices are small; the minimiser divides by zero when it is done
+    # one thread: the matrices are small; the minimizer divides by zero when it is done
     with threadpool_limits(1), np.errstate(divide="ignore", invalid="ignore"):
         found = registration.registration(
             (target - target.mean(axis=0)) / unit, maxiter=ANNEALINGS, tol=1e-6

@@ -12,6 +12,7 @@ from mpe_core.paper.trimmed_icp import trimmed_icp
 
 
 def run(source: Array, target: Array) -> Array:
+    """Return the pose T_target_source that the method finds."""
     pair = normalize_pair(validate_cloud(source), validate_cloud(target))
     found = trimmed_icp(
         pair.source, NearestNeighbors(pair.target), np.eye(4), None, 200, lambda fraction: None

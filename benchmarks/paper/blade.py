@@ -70,6 +70,7 @@ def _fpfh_matches(trial: Trial) -> NDArray[np.integer]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = []
     for part in ("whole", "half"):
         for seed in range(TRIALS):
@@ -92,6 +93,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = []
     for part, paper in (("whole", "below 15 %"), ("half", "below 4 %")):
         mine = [r for r in result["rows"] if r["part"] == part]

@@ -27,11 +27,13 @@ def _trials() -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     methods = [MPL, MPL_PAPER]
     return {"rows": compare(methods, _trials()), "methods": described(methods)}
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = []
     for case, (_, limit, wanted) in CASES.items():
         for name in result["methods"]:

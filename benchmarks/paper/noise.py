@@ -73,6 +73,7 @@ def _anywhere() -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = compare(ANY, _anywhere())
     for trials, methods in NEAR.items():
         rows += compare(methods, _near(trials))
@@ -85,32 +86,33 @@ def run() -> Result:
 
 
 def bound(cloud: Array, sigma: float) -> float:
-    """Median rotation error in degrees that no unbiased estimate of the pose can beat which knows
-    the cloud (N, 3) and sigma, but not which of its points a noisy point belongs to.
+    """Return the Cramer-Rao bound of the median rotation error, in degrees, at unknown pairs.
 
-    The Cramer-Rao bound of the mixture of N Gaussians: Fisher's information is the mean outer
-    square of the score, over `BOUND_DRAWS` noisy copies.
+    No unbiased estimate that knows the cloud (N, 3) and sigma, but not the pairs, can be better.
+    The model is a mixture of N Gaussians; Fisher's information is the mean outer square of the
+    score over `BOUND_DRAWS` noisy copies.
     """
     rng = np.random.default_rng(0)
-    centred = cloud - cloud.mean(axis=0)
-    information = sum(_information(centred, sigma, rng) for _ in range(BOUND_DRAWS)) / BOUND_DRAWS
+    centered = cloud - cloud.mean(axis=0)
+    information = sum(_information(centered, sigma, rng) for _ in range(BOUND_DRAWS)) / BOUND_DRAWS
     covariance = np.linalg.inv(information)[:3, :3]
     turns = rng.multivariate_normal(np.zeros(3), covariance, 20_000)
     return float(np.degrees(np.median(np.linalg.norm(turns, axis=1))))
 
 
-def _information(centred: Array, sigma: float, rng: np.random.Generator) -> Array:
-    """(6, 6) sum of the outer squares of the scores of one noisy copy."""
-    noisy = centred + rng.normal(0, sigma, centred.shape)
-    squared = cdist(noisy, centred, "sqeuclidean")
+def _information(centered: Array, sigma: float, rng: np.random.Generator) -> Array:
+    """Return the (6, 6) sum of the outer squares of the scores of one noisy copy."""
+    noisy = centered + rng.normal(0, sigma, centered.shape)
+    squared = cdist(noisy, centered, "sqeuclidean")
     share = np.exp((squared.min(axis=1, keepdims=True) - squared) / (2 * sigma**2))
-    expected = share @ centred / share.sum(axis=1, keepdims=True)
+    expected = share @ centered / share.sum(axis=1, keepdims=True)
     pull = (expected - noisy) / sigma**2
     score = np.concatenate([np.cross(noisy, pull), pull], axis=1)
     return np.asarray(score.T @ score)
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     near, far = ([r for r in result["rows"] if r["start"] == start] for start in ("near", "any"))
     starts = ", ".join(f"{n} for {', '.join(m.name for m in group)}" for n, group in NEAR.items())
     return (
@@ -142,7 +144,7 @@ def _lines(rows: list[Row]) -> list[list[object]]:
 
 
 def _medians(rows: list[Row], lines: list[list[object]], bounds: list[float]) -> str:
-    """The lines, then the bound, and ours over the floor and over the best of the others."""
+    """Return the lines, the bound, and ours over the floor and over the best of the others."""
     others = [str(line[0]) for line in _lines(rows) if line[0] not in OURS]
     floor = [f"{_over(rows, FLOOR.name, sigma):.3g}" for sigma in SIGMAS[1:]]
     best = [max((_over(rows, name, sigma), name) for name in others) for sigma in SIGMAS[1:]]
@@ -155,7 +157,7 @@ def _medians(rows: list[Row], lines: list[list[object]], bounds: list[float]) ->
 
 
 def _over(rows: list[Row], name: str, sigma: float) -> float:
-    """Our median over that of a method, both from the starts that the method was given."""
+    """Return our median over that of a method, from the starts that the method was given."""
     theirs = {r["seed"]: r["degrees"] for r in rows if (r["method"], r["sigma"]) == (name, sigma)}
     ours = [
         r["degrees"]
@@ -166,6 +168,7 @@ def _over(rows: list[Row], name: str, sigma: float) -> float:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     titles = {"any": "start anywhere in SO(3)", "near": "start up to 90 degrees"}
     for axes, (start, title) in zip(figure.subplots(1, 2), titles.items(), strict=True):
         curves(axes, [r for r in result["rows"] if r["start"] == start], "sigma", "degrees")

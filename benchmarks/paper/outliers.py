@@ -47,7 +47,7 @@ NEAR = {  # starts: the methods that are given so many, the slower the fewer
     5: [MPL, MPL_PAPER, MPE, TRIMMED_ICP, PCL_LM_ICP],
     2: [LM_ICP, PCL_TRIMMED_ICP, FILTERREG],
 }
-MOST_OF_CPD = 950  # beyond it a run takes minutes
+MAX_CPD_OUTLIERS = 950  # with more a run takes minutes
 
 
 def _anywhere() -> Iterator[tuple[Row, Trial]]:
@@ -58,9 +58,9 @@ def _anywhere() -> Iterator[tuple[Row, Trial]]:
             yield {"start": "any", "outliers": case}, anywhere(cloud, seed, **disturbed)
 
 
-def _near(trials: int, most: int) -> Iterator[tuple[Row, Trial]]:
+def _near(trials: int, max_outliers: int) -> Iterator[tuple[Row, Trial]]:
     cloud = bunny(DATA)
-    for count in (count for count in COUNTS if count <= most):
+    for count in (count for count in COUNTS if count <= max_outliers):
         for seed in range(trials):
             trial = moved(cloud, np.random.default_rng(seed), outliers=count)
             yield {"start": "near", "outliers": count}, trial
@@ -77,15 +77,17 @@ def _ours() -> list[Row]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = _ours() + compare(PEERS, _anywhere())
     for trials, methods in NEAR.items():
         rows += compare(methods, _near(trials, max(COUNTS)))
-    rows += compare([CPD], _near(1, MOST_OF_CPD))
+    rows += compare([CPD], _near(1, MAX_CPD_OUTLIERS))
     methods = [*[method for group in NEAR.values() for method in group], CPD, *PEERS]
     return {"rows": rows, "methods": described(methods)}
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     near, far = ([r for r in result["rows"] if r["start"] == start] for start in ("near", "any"))
     starts = ", ".join(f"{n} for {', '.join(m.name for m in group)}" for n, group in NEAR.items())
     names = [name for name in measured(result) if any(r["method"] == name for r in near)]
@@ -120,6 +122,7 @@ def _successes(rows: list[Row]) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     axes = figure.subplots()
     curves(axes, [r for r in result["rows"] if r["start"] == "near"], "outliers", "degrees")
     axes.set(xlabel="outliers", ylabel="degrees, median", title="start up to 90 degrees")

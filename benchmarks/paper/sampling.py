@@ -29,6 +29,7 @@ TRIALS = 10
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     cloud, rows = bunny(DATA), []
     for ratio in PAPER:
         for seed in range(TRIALS):
@@ -56,6 +57,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = []
     for ratio, (seconds, error) in PAPER.items():
         mine = [r for r in result["rows"] if r["ratio"] == ratio]
@@ -89,6 +91,7 @@ def table(result: Result) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     axes = figure.subplots()
     axes.plot(
         [r["seconds"] for r in result["rows"]], [r["error"] for r in result["rows"]], "v", alpha=0.5

@@ -24,6 +24,7 @@ def _trials(counts: tuple[int, ...]) -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     everyone = [MPL, MPL_PAPER, MPE, EM_ICP, CPD]
     rows = []
     for methods, counts in ((everyone, SMALL), (everyone[:4], MEDIUM), (everyone[:3], LARGE)):
@@ -32,6 +33,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     return (
         "Random parts of the bunny of 35,947 points, turned by up to 90 degrees; seconds. EM-ICP "
         "stops at 7,500 points, as in the paper, CPD at 2,500: it takes minutes then.\n"
@@ -44,6 +46,7 @@ def table(result: Result) -> str:
 
 
 def draw(result: Result, figure: Figure) -> None:
+    """Draw the page's picture."""
     axes = figure.subplots()
     curves(axes, result["rows"], "points", "seconds")
     axes.set(xlabel="points", ylabel="seconds", xscale="log", yscale="log")

@@ -32,6 +32,7 @@ def _trials() -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     limits = {pair["id"]: (pair["max_rotation_deg"], pair["max_translation"]) for pair in _pairs()}
     return {
         "rows": compare(METHODS, _trials()),
@@ -41,6 +42,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = []
     for suite in SUITES:
         line: list[object] = [suite]
@@ -72,8 +74,8 @@ def draw(result: Result, figure: Figure) -> None:
         after = apply(MPL.register(trial.source, trial.target), trial.source)
         sources = {"before": trial.source, "after": after}
         for axes, (when, source) in zip(panels, sources.items(), strict=True):
-            for cloud, colour in ((trial.target, "tab:red"), (source, "tab:blue")):
-                axes.plot(*cloud[::5, :2].T, ",", color=colour, alpha=0.5)
+            for cloud, color in ((trial.target, "tab:red"), (source, "tab:blue")):
+                axes.plot(*cloud[::5, :2].T, ",", color=color, alpha=0.5)
             axes.set(title=f"{name}, {when}", aspect="equal", xticks=[], yticks=[])
 
 

@@ -27,6 +27,7 @@ PAPER = {  # seconds, Intel i5 at 3.4 GHz
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     rows = []
     for name in CLOUDS:
         cloud = bunny(DATA, name)
@@ -46,6 +47,7 @@ def run() -> Result:
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows = []
     for r in result["rows"]:
         ours, paper = float(np.median(r["seconds"])), PAPER[r["points"]].get(r["method"])

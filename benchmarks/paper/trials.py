@@ -9,8 +9,7 @@ from tests.factories.clouds import Array, Trial, motion, moved, random_rotation
 
 
 def anywhere(cloud: Array, seed: int, *, noise: float = 0.0, outliers: int = 0) -> Trial:
-    """The cloud as target; as source itself with noise and outliers, turned evenly over SO(3) and
-    moved."""
+    """Return the cloud as target, and a disturbed copy turned evenly over SO(3) as source."""
     rng = np.random.default_rng(seed)
     trial = moved(cloud, rng, noise=noise, outliers=outliers)
     T = motion(trial.source, random_rotation(rng), rng)

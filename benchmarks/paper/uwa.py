@@ -61,10 +61,12 @@ def _trials() -> Iterator[tuple[Row, Trial]]:
 
 
 def run() -> Result:
+    """Measure, and return the figures that the page shows."""
     return {"rows": compare(METHODS, _trials()), "methods": described(METHODS)}
 
 
 def table(result: Result) -> str:
+    """Return the page's text and tables in Markdown."""
     rows: list[tuple[object, ...]] = []
     for start in STARTS:
         for name in measured(result):

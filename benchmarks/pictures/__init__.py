@@ -29,7 +29,7 @@ PICTURES = (clouds, prepare, votes, fields, waves, polish, evidence, inliers, al
 
 
 def draw(picture: Callable[[Story, Figure], None], story: Story, folder: Path) -> Path:
-    """Draw a picture into the folder, in 256 colours; the same bytes each time."""
+    """Draw a picture into the folder, in 256 colors; the same bytes each time."""
     figure = Figure(figsize=(8, 3.8), dpi=100, layout="constrained")
     picture(story, figure)
     memory = io.BytesIO()

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def algorithm_1(_: Story, figure: Figure) -> None:
-    """Method mpe: the cells that stand for the target, and the path of a fall by either sum."""
+    """Draw the cells that stand for the target, and the path of a descent by either sum."""
     left, right = figure.subplots(1, 2)
     trial = moved(bunny(DATA, "bun_zipper_res2"), np.random.default_rng(6))
     pair = normalize_pair(validate_cloud(trial.source), validate_cloud(trial.target))
@@ -69,8 +69,7 @@ class _Watched:
 
 
 def _seen(target: Array, place: Array) -> tuple[Array, Array]:
-    """Cells that stand for the points of a cloud as seen from a place, and the points seen one by
-    one."""
+    """Return the cells that stand for their points at a place, and the points that count singly."""
     tree = build_tree(target)
     leaves = len(tree.starts) - 1
     cells, points, waiting = [], [np.empty((0, 3))], [0]

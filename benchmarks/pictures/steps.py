@@ -24,11 +24,11 @@ SLAB = 0.015
 NEAR = 0.06
 """Points this near the target, in radii, count for the evidence."""
 SHADES = 0.004
-"""Distance from a plane that is drawn in full colour, in radii."""
+"""Distance from a plane that is drawn in full color, in radii."""
 
 
 def clouds(story: Story, figure: Figure) -> None:
-    """The two scans as they come, and as they belong."""
+    """Draw the two scans as they come, and as the result places them."""
     before, after = panels(figure, 2, ("as they come", "as the result lays them"))
     pair, T = story.pair, story.found[0].minimum.T
     for axes, source in ((before, pair.source), (after, apply(T, pair.source))):
@@ -38,7 +38,7 @@ def clouds(story: Story, figure: Figure) -> None:
 
 
 def prepare(story: Story, figure: Figure) -> None:
-    """The thinned target with its normals and its weights K_i."""
+    """Draw the downsampled target with its normals and its weights K_i."""
     left, right = panels(figure, 2, ("normals of the thinned points", "weight K of each point"))
     surface = story.surfaces[1]
     points = surface.points
@@ -52,20 +52,20 @@ def prepare(story: Story, figure: Figure) -> None:
 
 
 def votes(story: Story, figure: Figure) -> None:
-    """The votes of every rotation's best translation, against its distance from the truth."""
+    """Draw the votes of every rotation's best translation over its error."""
     axes = figure.subplots()
     degrees = np.array([story.degrees(R) for R in story.rotations])
     kept = np.zeros(len(degrees), bool)
     kept[np.argsort(-story.votes, kind="stable")[: global_search.QUICK.candidates]] = True
-    for rows, colour, text in ((~kept, WRONG, "left out"), (kept, RIGHT, "go down")):
+    for rows, color, text in ((~kept, WRONG, "left out"), (kept, RIGHT, "go down")):
         label = f"{rows.sum()} {text}"
-        axes.scatter(degrees[rows], story.votes[rows], s=9, color=colour, lw=0, label=label)
+        axes.scatter(degrees[rows], story.votes[rows], s=9, color=color, lw=0, label=label)
     axes.set(xlabel="degrees from the true rotation", ylabel="votes for its best translation")
     axes.legend(frameon=False)
 
 
 def fields(story: Story, figure: Figure) -> None:
-    """A cut through the target: what all points pull, and what the nearest one does."""
+    """Draw a cut through the target: the force of all points, and the energy of the nearest."""
     titles = ("force of all points (Eq. 7)", "P2 energy of one point (Eq. 10)")
     left, right = panels(figure, 2, titles)
     target = story.surfaces[1].points.astype(float)
@@ -88,7 +88,7 @@ def fields(story: Story, figure: Figure) -> None:
 
 
 def waves(story: Story, figure: Figure) -> None:
-    """Score and distance from the truth of the candidates after each wave."""
+    """Draw score and error of the candidates after each stage."""
     row = figure.subplots(1, len(story.waves), sharey=True, squeeze=False)[0]
     for number, (axes, (poses, scores)) in enumerate(zip(row, story.waves, strict=True), 1):
         degrees = np.array([story.degrees(T) for T in poses])
@@ -109,8 +109,8 @@ def polish(story: Story, figure: Figure) -> None:
     row = panels(figure, 2, titles)
     for axes, T in zip(row, (before, polished), strict=True):
         points, residual = _residuals(story, T)
-        colours = {"c": residual, "cmap": "RdBu", "vmin": -SHADES, "vmax": SHADES}
-        shown = axes.scatter(*points[:, :2].T, s=6, lw=0, **colours)
+        colors = {"c": residual, "cmap": "RdBu", "vmin": -SHADES, "vmax": SHADES}
+        shown = axes.scatter(*points[:, :2].T, s=6, lw=0, **colors)
     figure.colorbar(shown, ax=row, shrink=0.8, label="distance from the planes, radii")
 
 
@@ -146,8 +146,7 @@ def inliers(story: Story, figure: Figure) -> None:
 
 
 def _residuals(story: Story, T: Array) -> tuple[Array, Array]:
-    """The points of the source that are near the target at a pose (N, 3), and their signed
-    distances (N,) from its planes."""
+    """Return the source points (N, 3) near the target at a pose, and their plane distances."""
     source, target = story.surfaces
     moved = apply(T, source.points)
     distance, row = KDTree(target.points).query(moved)
@@ -168,5 +167,5 @@ def _lattice(low: Array, high: Array, count: int, level: float) -> Array:
 
 
 def _cut(axes: Axes, points: Array, level: float) -> None:
-    """The points within SLAB of the plane z = level."""
+    """Draw the points within SLAB of the plane z = level."""
     dots(axes, points[np.abs(points[:, 2] - level) < SLAB], "black")

@@ -26,7 +26,7 @@ PAIR = "bunny_bun090_bun045"
 
 @dataclass
 class Story:
-    """What `register` did with a pair, step by step; poses are between the centred clouds."""
+    """What `register` did with a pair, step by step; poses are between the centered clouds."""
 
     pair: CloudPair
     R_true: Array
@@ -39,10 +39,12 @@ class Story:
     """Poses and scores after each wave."""
 
     def degrees(self, T: Array) -> float:
+        """Return the rotation error of a pose, in degrees."""
         return rotation_error(T[:3, :3], self.R_true)
 
     @property
     def surfaces(self) -> tuple[Surface, Surface]:
+        """Surfaces of source and target."""
         return self.pipeline.source.surface, self.pipeline.target.surface
 
 

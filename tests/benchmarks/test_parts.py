@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
-from benchmarks.parts import FRACTIONS, LEAST_POINTS, PARTS, PARTS_OF_A_PAIR, parts
+from benchmarks.parts import FRACTIONS, MIN_POINTS, PARTS, PARTS_OF_A_PAIR, parts
 from mpe_core.clouds.normalize import robust_radius
 from tests.factories.clouds import real_pair
 
@@ -16,7 +16,7 @@ def test_parts_are_as_small_as_said_and_lie_over_the_target(data):
     assert {fraction for fraction, _ in found} == set(FRACTIONS)
     assert len(found) == PARTS_OF_A_PAIR * len(FRACTIONS)
     for fraction, part in found:
-        assert len(part) >= LEAST_POINTS
+        assert len(part) >= MIN_POINTS
         half_widths = np.ptp(part, axis=0) / 2
         assert 0.4 * whole / fraction < half_widths.max() <= whole / fraction
 
