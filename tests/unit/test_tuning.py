@@ -17,13 +17,20 @@ UNITS = {"": 1, "ms": 1e-3, "kB": 1e3, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30,
 
 
 def constants() -> Iterator[tuple[str, str, str]]:
-    """Yield package, name and value of each row whose name is that of one constant."""
+    """Yield package, name and value of each constant; one row may list several of a module."""
     for section in PAGE.split("\n## ")[1:]:
         package, _, text = section.partition("\n")
         for line in text.splitlines():
             cells = [cell.strip() for cell in line.strip("| ").split(" | ")]
-            if re.fullmatch(r"`([\w.]+\.)?_?[A-Z][A-Z0-9_]*`", cells[0]):
-                yield package.strip(" `"), cells[0].strip("`"), cells[1]
+            names = re.split(r", | and ", cells[0])
+            if all(re.fullmatch(r"`([\w.]+\.)?_?[A-Z][A-Z0-9_]*`", name) for name in names):
+                parts = cells[1].split(", ")
+                written = parts if len(parts) == len(names) else [cells[1]] * len(names)
+                module = names[0].strip("`").rpartition(".")[0]
+                for name, value in zip(names, written, strict=True):
+                    own = name.strip("`")
+                    full = own if "." in own or not module else f"{module}.{own}"
+                    yield package.strip(" `"), full, value
 
 
 def values(package: str, name: str) -> Iterator[object]:
