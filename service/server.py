@@ -21,7 +21,7 @@ CONNECTION_GRACE_S = 3
 
 GIL_SWITCH_INTERVAL_S = 0.0005
 """Interval of GIL hand-over, in seconds; Python's default of 5 ms delays the event loop while a
-thread computes (docs/tuning.md, GIL_SWITCH_INTERVAL_S)."""
+thread computes (docs/tuning.md)."""
 
 
 class DrainingServer(uvicorn.Server):

@@ -221,7 +221,7 @@ def test_what_only_the_clouds_tell_fails_with_the_reason(
     assert job["error"]["status"] == 422
     assert words in job["error"]["detail"]
     if words == "'absent'":
-        assert "there are 'below', 'few', 'good', 'word'" in job["error"]["detail"]
+        assert "this file: 'below', 'few', 'good', 'word'" in job["error"]["detail"]
 
 
 def doubled(folder: Path) -> dict[str, bytes]:

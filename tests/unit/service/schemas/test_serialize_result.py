@@ -1,0 +1,27 @@
+"""Inlier lists are streamed: the same document however many rows are rendered at once."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from service.schemas import InlierList, serialize_result
+from service.schemas.serialize_result import INLIER_DTYPE, iter_inliers_json
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 10])
+@pytest.mark.parametrize("chunk", [1, 3, 50_000])
+def test_the_list_of_inliers(count: int, chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serialize_result, "ROWS_PER_CHUNK", chunk)
+    rows = np.zeros(count, INLIER_DTYPE)
+    rows["source"] = np.arange(count)
+    rows["target"] = 2 * np.arange(count)
+    rows["distance"] = np.arange(count) / 3
+    document = InlierList.model_validate_json("".join(iter_inliers_json(rows, 0.25)))
+    assert document.count == count
+    assert document.threshold == 0.25
+    assert document.pairs == [[i, 2 * i] for i in range(count)]
+    assert document.distances == [i / 3 for i in range(count)]
+    assert json.loads("".join(iter_inliers_json(rows, 0.25)))["count"] == count
