@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.workers.messages import (
@@ -117,11 +117,13 @@ DOCUMENTS = JSON | st.builds(
 )
 
 
+@settings(deadline=None)
 @given(DOCUMENTS)
 def test_any_json_is_a_message_or_the_one_error(document: Any) -> None:
     is_message_or_error(json.dumps(document).encode())
 
 
+@settings(deadline=None)
 @given(st.binary())
 def test_any_bytes_are_a_message_or_the_one_error(line: bytes) -> None:
     is_message_or_error(line)
@@ -135,6 +137,7 @@ def is_message_or_error(line: bytes) -> None:
     assert decode(encode(message)) == message
 
 
+@settings(deadline=None)
 @given(st.text(st.characters(), max_size=2 * MAX_TEXT_LENGTH))
 def test_a_clipped_text_can_be_sent(text: str) -> None:
     message = Failed(Problem(PROBLEM.type, "", 500, clip(text)), {})
