@@ -120,6 +120,8 @@ def _parse(
     dialect: Dialect,
     cleaner: TableCleaner | None,
 ) -> NDArray[np.float64]:
+    # with 1.#QNAN among the numbers only the cleaner can tell comments
+    comments = None if cleaner or _has_windows_nan(path, offset) else "#"
     with path.open(encoding="latin1", newline="\n") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # about blank lines and missing data
         file.seek(offset)
@@ -129,7 +131,7 @@ def _parse(
             delimiter=dialect.delimiter if cleaner is None else ",",
             usecols=tuple(columns) if cleaner is None else None,
             max_rows=max_rows,
-            comments=None,  # the cleaner removes them: 1.#QNAN has none
+            comments=comments,
             ndmin=2,
         )
 
@@ -219,6 +221,18 @@ def ends_with_newline(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(-1, 2)
         return file.read(1) == b"\n"
+
+
+def _has_windows_nan(path: Path, offset: int) -> bool:
+    """Whether the sign # follows a point anywhere, as in 1.#QNAN."""
+    last = b""
+    with path.open("rb") as file:
+        file.seek(offset)
+        while block := file.read(_BLOCK_BYTES):
+            if b".#" in last + block:
+                return True
+            last = block[-1:]
+    return False
 
 
 def _count_lines(path: Path, offset: int, first_line: int, limits: ReadLimits) -> int:
