@@ -1,1 +1,1 @@
-
+"""REST service and command line around `mpe_core`."""

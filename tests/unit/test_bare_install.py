@@ -81,3 +81,14 @@ def test_clouds_are_registered(bare: Path) -> None:
 
 def test_files_are_read(bare: Path) -> None:
     run(bare, READ)
+
+
+def test_the_command_names_what_to_install(bare: Path) -> None:
+    run(
+        bare,
+        "import contextlib, io\n"
+        "from service.cli import main\n"
+        "with contextlib.redirect_stderr(io.StringIO()) as printed:\n"
+        "    assert main(['align', 'a.ply', 'b.ply']) == 2\n"
+        "assert \"pip install 'mpe[service]'\" in printed.getvalue()\n",
+    )

@@ -1,0 +1,161 @@
+"""The commands of `mpe`: align, serve, keys."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mpe_core import Registration, RegistrationError
+from service.cli.align_arguments import (
+    add_options,
+    add_read_options,
+    parse_options,
+    protect_negative_numbers,
+)
+from service.cli.exit_codes import EXIT_ERROR, EXIT_OK, EXIT_USAGE
+from service.cli.keys import add_keys, run
+from service.clouds.inputs import CLOUD_ROLES
+from service.clouds.transform import transform_cloud
+from service.formats import (
+    WRITERS,
+    CloudFileError,
+    DecodedCloud,
+    UnsupportedFileError,
+    read_points,
+    write_cloud,
+)
+from service.problems import NotReadyError
+from service.schemas import Reading
+from service.settings import InvalidSettingsError, load_settings
+
+
+def run_command(arguments: Sequence[str]) -> int:
+    """Parse the arguments, run the command and return its exit code."""
+    parsed = _parser().parse_args(protect_negative_numbers(arguments))
+    return {"align": _align, "serve": _serve, "keys": _keys}[parsed.command](parsed)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="mpe", description="Rigid registration of point clouds.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    align = commands.add_parser("align", help="align two files, without a server")
+    align.add_argument("source", type=Path, help="file of the cloud that is moved")
+    align.add_argument("target", type=Path, help="file of the cloud that stays in place")
+    align.add_argument("--json", action="store_true", help="print the result as JSON")
+    align.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help=f"write the moved source to this file; its suffix selects the format: "
+        f"{', '.join(WRITERS)}",
+    )
+    add_read_options(align)
+    add_options(align)
+    serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
+    serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
+    serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
+    add_keys(commands)
+    return parser
+
+
+def _align(arguments: argparse.Namespace) -> int:
+    from mpe_core import register  # loads the kernels, which `mpe serve` must not
+
+    try:
+        options = parse_options(arguments)
+        output_format = _output_format(arguments.output)
+        source, target = (_read(role, arguments) for role in CLOUD_ROLES)
+        registration = register(
+            source.points,
+            target.points,
+            options,
+            source_weights=source.weights,
+            target_weights=target.weights,
+        )
+        if arguments.output:
+            cloud = transform_cloud(source, registration.T_target_source)
+            write_cloud(arguments.output, output_format, cloud.points, cloud.attributes)
+    except (RegistrationError, CloudFileError) as error:
+        return _fail(str(error), EXIT_ERROR)
+    except OSError as error:
+        return _fail(f"{error.filename}: {error.strerror}", EXIT_ERROR)
+    for warning in (*source.warnings, *target.warnings, *registration.warnings):
+        print(f"mpe: warning: {warning}", file=sys.stderr)
+    print(_document(registration) if arguments.json else _summary(source, target, registration))
+    return EXIT_OK
+
+
+def _output_format(output: Path | None) -> str:
+    suffix = output.suffix.lower().lstrip(".") if output else "ply"
+    if suffix not in WRITERS:
+        raise UnsupportedFileError(
+            f"{output}: expected a file name that ends in {', '.join(WRITERS)}"
+        )
+    return suffix
+
+
+def _read(role: str, arguments: argparse.Namespace) -> DecodedCloud:
+    path = getattr(arguments, role)
+    reading = {name: getattr(arguments, f"{role}_{name}") for name in Reading.model_fields}
+    try:
+        return read_points(path, **reading, attributes=arguments.output is not None)
+    except CloudFileError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _document(registration: Registration) -> str:
+    from service.schemas.serialize_result import render_result
+
+    return render_result(registration).decode()
+
+
+def _summary(source: DecodedCloud, target: DecodedCloud, registration: Registration) -> str:
+    from mpe_core.geometry.rigid import rotation_error
+
+    T = registration.T_target_source
+    rows = "\n".join("  " + "".join(f"{value:>16.9g}" for value in row) for row in T)
+    return f"""\
+source      {len(source.points)} points ({source.format})
+target      {len(target.points)} points ({target.format})
+T_target_source
+{rows}
+rotation    {rotation_error(T, np.eye(4)):.4f} degrees
+inliers     {len(registration.inliers)} pairs closer than {registration.inliers.threshold:.4g}
+overlap     {100 * registration.overlap:.1f} % of the source
+rmse        {registration.rmse:.4g} of the inliers
+confidence  {registration.confidence:.2f}
+converged   {"yes" if registration.converged else "no"}, {registration.iterations} iterations
+time        {registration.timing["total"]:.2f} s"""
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    from service.auth.bind_check import UnprotectedBindError
+    from service.server import serve  # loads the service, which `mpe align` does without
+
+    try:
+        serve(load_settings(), arguments.host, arguments.port)
+    except (InvalidSettingsError, UnprotectedBindError) as error:
+        return _fail(str(error), EXIT_USAGE)
+    except NotReadyError as error:
+        return _fail(str(error), EXIT_ERROR)
+    return EXIT_OK
+
+
+def _keys(arguments: argparse.Namespace) -> int:
+    try:
+        run(arguments, load_settings())
+    except InvalidSettingsError as error:
+        return _fail(str(error), EXIT_USAGE)
+    except (ValueError, RuntimeError, OSError, NotReadyError) as error:
+        return _fail(str(error), EXIT_ERROR)
+    return EXIT_OK
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"mpe: {message}", file=sys.stderr)
+    return code
