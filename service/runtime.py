@@ -160,7 +160,7 @@ def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
             log.info("removed %d unused files", removed)
 
     return [
-        runtime.transitions.expire_leases,
+        lambda: runtime.transitions.expire_leases(runtime.workers.held_jobs()),
         runtime.transitions.fail_overdue,
         lambda: discard_scratch(settings.data_dir),
         lambda: drop_expired(database),

@@ -66,7 +66,7 @@ jobs = Table(
     Column("result_bytes", BigInteger),
     Column("confidence", Float),
     Column("labels", JSON, nullable=False),
-    # the highest goes first
+    # the highest of a tenant goes first
     Column("priority", Integer, nullable=False),
     Column("deadline_at", Float),
     # hash of clouds, options and release: equal keys mean equal results
@@ -76,10 +76,21 @@ jobs = Table(
     # when the result and the clouds are dropped, and when the job itself is
     Column("result_expires_at", Float),
     Column("expires_at", Float),
+    # attempts that ended for a reason outside of the job; the queued job waits until then
+    Column("interruptions", Integer, nullable=False),
+    Column("paused_until", Float),
 )
 Index("jobs_by_age", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("jobs_waiting", jobs.c.status, jobs.c.priority, jobs.c.created_at)
 Index("jobs_by_work", jobs.c.work_key)
+
+# when each tenant was served last, in claims of all tenants
+turns = Table(
+    "turns",
+    metadata,
+    Column("tenant", String, primary_key=True),
+    Column("turn", BigInteger, nullable=False),
+)
 
 # every change of a job's row, in order
 events = Table(

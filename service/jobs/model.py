@@ -13,8 +13,9 @@ State machine of a job; `service.jobs.transitions` makes every change of it::
 
 Each claim begins an attempt and increases `JobRow.attempt`. That number is a fencing token: what a
 worker writes counts only while the job is running and the number is still the worker's. An attempt
-that ends without an answer (a killed process, a lease that ran out) returns the job to the queue;
-the third one fails it.
+whose child process ends without an answer returns the job to the queue; the third one fails it. An
+attempt that is interrupted from outside (the service died, the disk was full) returns the job to
+the queue too; `MAX_INTERRUPTIONS` of them, with pauses that grow, fail it.
 """
 
 from __future__ import annotations
@@ -71,7 +72,11 @@ class JobRow:
     attempt: int = 0
     """Number of the last attempt, counted from 1; 0 before the first."""
     lost_attempts: int = 0
-    """Attempts that ended without an answer."""
+    """Attempts whose child process ended without an answer while the service lived."""
+    interruptions: int = 0
+    """Attempts that ended for a reason outside of the job: the service died, the disk was full."""
+    paused_until: float | None = None
+    """The queued job is not claimed before; grows with the interruptions."""
     lease_until: float | None = None
     """When the running attempt is lost unless its worker extends the lease."""
     stage: str = "queued"
@@ -88,7 +93,7 @@ class JobRow:
     confidence: float | None = None
     labels: dict[str, str] = field(default_factory=dict)
     priority: int = 0
-    """The highest is claimed first."""
+    """Among the jobs of a tenant the highest is claimed first."""
     deadline_at: float | None = None
     work_key: str | None = None
     """Hash of clouds, options and release: jobs with equal keys have equal results."""

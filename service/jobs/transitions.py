@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, select, update
-from sqlalchemy.sql.dml import ReturningUpdate
 
 from service.database.engine import Database
 from service.database.tables import jobs
 from service.jobs.accept import accept_job
+from service.jobs.claim_order import MAX_PAUSE_S, claim_next
 from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import TERMINAL_STATUSES, JobRow, Outcome, Retention
@@ -22,7 +22,11 @@ from service.jobs.rows import find_job, job_from_row
 from service.problems import DeadlineError, WorkerLostError, error_document
 
 MAX_LOST_ATTEMPTS = 3
-"""A job fails with this many attempts that ended without an answer: it kills its workers."""
+"""A job fails with this many attempts whose child ended without an answer: it kills its workers."""
+MAX_INTERRUPTIONS = 20
+"""A job fails with this many interrupted attempts: services seem to die of it."""
+FREE_INTERRUPTIONS = 3
+"""Interruptions after which a job is queued again without a pause."""
 
 log = logging.getLogger(__name__)
 
@@ -67,11 +71,12 @@ class JobTransitions:
             )
 
     def claim(self, *, lease_s: float) -> JobRow | None:
-        """Begin an attempt at the next queued job, by priority, then age; None without any."""
-        now = time.time()
-        times = {"started_at": now, "lease_until": now + lease_s}
-        with self._database.write() as connection:
-            row = connection.execute(_CLAIM, times).one_or_none()
+        """Begin an attempt at the next queued job, in the order of `service.jobs.claim_order`.
+
+        Returns None when no job can be claimed.
+        """
+        with self._database.write(exclusive=True) as connection:
+            row = claim_next(connection, lease_s=lease_s)
             if row is not None:
                 record_change(connection, row.id)
         if row is None:
@@ -129,14 +134,35 @@ class JobTransitions:
         error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
         return self.fail(job, error_document(error), {})
 
-    def requeue_orphans(self) -> int:
-        """Record the attempts that a killed process left running as lost; return their number."""
-        cutoff = self._database.orphan_cutoff()
-        return self._record_lost_before(cutoff, "the service was killed meanwhile")
+    def interrupt(self, job: JobRow, reason: str) -> bool:
+        """Return a job whose attempt ended through no fault of its own to the queue.
 
-    def expire_leases(self) -> int:
-        """Record the attempts whose lease has ended as lost; return their number."""
-        return self._record_lost_before(time.time(), "its lease ended")
+        It waits there for a pause that doubles with each interruption; the last one that is allowed
+        fails the job. Returns False when the attempt is not current.
+        """
+        number = job.interruptions + 1
+        if number < MAX_INTERRUPTIONS:
+            pause_s = _pause_after(number)
+            values = {"interruptions": number, "paused_until": time.time() + pause_s, **_QUEUED}
+            return self._change(_is_current_attempt(job), job.id, values)
+        error = WorkerLostError(f"{number} attempts were interrupted; the last: {reason}")
+        return self.fail(job, error_document(error), {})
+
+    def requeue_orphans(self) -> int:
+        """Interrupt the attempts that a killed service left running; return their number."""
+        cutoff = self._database.orphan_cutoff()
+        return self._interrupt_before(cutoff, "the service was killed meanwhile")
+
+    def expire_leases(self, held: Container[str] = ()) -> int:
+        """Interrupt the attempts whose lease has ended; return their number.
+
+        Parameters
+        ----------
+        held
+            Ids of jobs that this process supervises. It may have been suspended beyond their
+            leases; they go on.
+        """
+        return self._interrupt_before(time.time(), "its lease ended", held)
 
     def fail_overdue(self) -> int:
         """Fail the queued jobs whose deadline has passed; return their number."""
@@ -160,11 +186,11 @@ class JobTransitions:
         with self._database.write() as connection:
             return connection.execute(delete(jobs).where(has_ended)).rowcount == 1
 
-    def _record_lost_before(self, cutoff: float, reason: str) -> int:
+    def _interrupt_before(self, cutoff: float, reason: str, held: Container[str] = ()) -> int:
         query = select(jobs).where(jobs.c.status == "running", jobs.c.lease_until < cutoff)
         with self._database.read() as connection:
-            lost = [job_from_row(row) for row in connection.execute(query)]
-        return sum(self.record_lost_attempt(job, reason) for job in lost)
+            ended = [job_from_row(row) for row in connection.execute(query)]
+        return sum(self.interrupt(job, reason) for job in ended if job.id not in held)
 
     def _change(
         self,
@@ -216,20 +242,13 @@ def _update(connection: Connection, guard: ColumnElement[bool], values: dict[str
     return connection.execute(update(jobs).where(guard), values).rowcount == 1
 
 
-def _claim_next() -> ReturningUpdate[Any]:
-    first = (
-        select(jobs.c.id)
-        .where(jobs.c.status == "queued")
-        .order_by(jobs.c.priority.desc(), jobs.c.created_at, jobs.c.id)
-        .limit(1)
-        .with_for_update(skip_locked=True)
-        .scalar_subquery()
-    )
-    claim = update(jobs).where(jobs.c.id == first, jobs.c.status == "queued")
-    return claim.values(status="running", attempt=jobs.c.attempt + 1).returning(jobs)
+def _pause_after(interruptions: int) -> float:
+    """Return the seconds that a job waits after so many interruptions."""
+    if interruptions <= FREE_INTERRUPTIONS:
+        return 0.0
+    return min(MAX_PAUSE_S, 2.0 ** (interruptions - FREE_INTERRUPTIONS))
 
 
-_CLAIM = _claim_next()  # built once: building takes as long as executing
 _QUEUED = {"status": "queued", "lease_until": None, "stage": "queued", "fraction": 0.0}
 
 
@@ -240,4 +259,5 @@ def _is_current_attempt(job: JobRow) -> ColumnElement[bool]:
 def _with_totals(job: JobRow, stages: dict[str, float]) -> dict[str, float]:
     assert job.started_at is not None  # noqa: S101
     queued_s, total_s = job.started_at - job.created_at, time.time() - job.created_at
-    return {"queued_s": queued_s, **stages, "total_s": total_s}
+    # the clock may have been set back
+    return {"queued_s": max(0.0, queued_s), **stages, "total_s": max(0.0, total_s)}

@@ -110,7 +110,7 @@ class RegistrationParameters(StrictModel):
         0,
         ge=-100,
         le=100,
-        description="Waiting registrations start in order of priority, highest first.",
+        description="Waiting registrations of one tenant start in order of priority, highest first.",
     )
     deadline_s: float | None = Field(
         None,

@@ -31,6 +31,7 @@ class WorkerPool:
         self._blobs = blobs
         self._settings = settings
         self._running: dict[str, tuple[JobRow, Child]] = {}
+        self._held: set[str] = set()
         self._wake = threading.Semaphore(0)
         self._stopping = threading.Event()
         self._stopped = threading.Event()
@@ -54,6 +55,10 @@ class WorkerPool:
     def is_stopped(self) -> bool:
         """Whether all threads have ended, so that no job changes any more."""
         return self._stopped.is_set()
+
+    def held_jobs(self) -> frozenset[str]:
+        """Return the ids of the jobs that this pool supervises."""
+        return frozenset(self._held)
 
     def start(self) -> None:
         """Recover the jobs of a killed process and start the threads."""
@@ -113,8 +118,10 @@ class WorkerPool:
         if job is None:
             self._wake.acquire(timeout=POLL_INTERVAL_S)
             return
+        self._held.add(job.id)
         try:
             with job_context(job.id):
                 supervisor.run_attempt(job)
         finally:
             self._running.pop(job.id, None)
+            self._held.discard(job.id)

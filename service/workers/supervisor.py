@@ -18,6 +18,7 @@ from service.problems import DeadlineError, JobTimeoutError, NotReadyError, erro
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.scratch import scratch_folder
+from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError
 from service.workers.fetch_inputs import FetchInputs, needs_fetching
 from service.workers.messages import (
@@ -73,25 +74,25 @@ class AttemptSupervisor:
         environment = TaskEnvironment.create(
             job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self.settings
         )
-        limit = self._time_limit(job)
+        limits = AttemptLimits.of(job, self.settings.job_timeout_s)
         if needs_fetching(job.source) or needs_fetching(job.target):
             policy = FetchPolicy.of(self.settings)
             fetch = FetchInputs(environment, job.source, job.target, policy)
-            fetched_job = self._record_fetched(job, self._perform(job, fetch, limit))
+            fetched_job = self._record_fetched(job, self._perform(job, fetch, limits))
             if fetched_job is None:
                 return
             job = fetched_job
         register = RegisterClouds(environment, job.source, job.target, job.options)
-        self._record_outcome(job, self._perform(job, register, limit))
+        self._record_outcome(job, self._perform(job, register, limits))
 
-    def _perform(self, job: JobRow, task: Task, limit: _TimeLimit) -> Answer | None:
+    def _perform(self, job: JobRow, task: Task, limits: AttemptLimits) -> Answer | None:
         """Have a child perform the task; return None when the job has been taken away."""
         child = self.spare.take()
         answer = None
         try:
             self.started(job, child)
             child.send_task(task)
-            answer = self._await_answer(job, child, limit)
+            answer = self._await_answer(job, child, limits)
         finally:
             child.kill()
             if answer is None:
@@ -100,7 +101,7 @@ class AttemptSupervisor:
                 self.spare.close_later(child)
         return answer
 
-    def _await_answer(self, job: JobRow, child: Child, limit: _TimeLimit) -> Answer | None:
+    def _await_answer(self, job: JobRow, child: Child, limits: AttemptLimits) -> Answer | None:
         """Record the child's progress and extend the lease until it answers.
 
         Returns
@@ -115,19 +116,16 @@ class AttemptSupervisor:
         ChildLostError
             The child ended or sent nonsense.
         """
-        next_heartbeat = time.time() + HEARTBEAT_S
+        next_heartbeat = time.monotonic() + HEARTBEAT_S
         is_current = True
         while is_current:
-            now = time.time()
-            if now >= limit.at:
-                raise limit.error
-            message = child.receive(min(limit.at - now, POLL_INTERVAL_S))
+            message = child.receive(min(limits.remaining_s(), POLL_INTERVAL_S))
             if isinstance(message, Answer):
                 return message
             with contextlib.suppress(NotReadyError):  # the lease outlasts a short outage
-                if now >= next_heartbeat:
+                if time.monotonic() >= next_heartbeat:
                     is_current = self.transitions.extend_lease(job, lease_s=LEASE_S)
-                    next_heartbeat = now + HEARTBEAT_S
+                    next_heartbeat = time.monotonic() + HEARTBEAT_S
                 is_current = is_current and self._is_current_attempt(job, message)
             if message is not None:
                 self.spare.start()  # for the next task, while this one runs
@@ -200,23 +198,6 @@ class AttemptSupervisor:
                 self.blobs.touch(blob.sha256)
         except FileNotFoundError as error:
             raise ChildLostError("what it stored was removed before it was recorded") from error
-
-    def _time_limit(self, job: JobRow) -> _TimeLimit:
-        """Return the earlier of the attempt's time limit and the caller's deadline."""
-        allowed = self.settings.job_timeout_s
-        timeout = JobTimeoutError(f"The attempt was ended after the allowed {allowed:g} s.")
-        limits = [_TimeLimit(time.time() + allowed, timeout)]
-        if job.deadline_at is not None:
-            late = DeadlineError("The attempt was ended when the deadline passed.")
-            limits.append(_TimeLimit(job.deadline_at, late))
-        return min(limits, key=lambda limit: limit.at)
-
-
-@dataclass(frozen=True, slots=True)
-class _TimeLimit:
-    at: float
-    """Seconds since the epoch."""
-    error: JobTimeoutError | DeadlineError
 
 
 def _retry_while_unavailable(record: Callable[[], bool]) -> bool:

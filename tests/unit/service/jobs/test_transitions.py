@@ -8,9 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from service.database.engine import Database, open_database
+from service.jobs import transitions as transitions_module
+from service.jobs.claim_order import MAX_PAUSE_S
 from service.jobs.model import JobRow
 from service.jobs.queries import JobQueries
-from service.jobs.transitions import MAX_LOST_ATTEMPTS, JobTransitions
+from service.jobs.transitions import MAX_INTERRUPTIONS, MAX_LOST_ATTEMPTS, JobTransitions
 from tests.factories.jobs import LEASE_S, OUTCOME, TENANT, add, claim, open_transitions
 
 
@@ -35,7 +37,7 @@ def test_oldest_job_is_claimed_first_and_once(transitions: JobTransitions) -> No
     assert sorted(ids) == sorted(job.id for job in jobs[1:])
 
 
-def test_highest_priority_goes_first(transitions: JobTransitions) -> None:
+def test_highest_priority_of_a_tenant_goes_first(transitions: JobTransitions) -> None:
     for priority in (0, 5, -5, 5):
         add(transitions, priority=priority)
     assert [claim(transitions).priority for _ in range(4)] == [5, 5, 0, -5]
@@ -121,13 +123,71 @@ def test_after_a_crash_running_jobs_are_queued_again(transitions: JobTransitions
     database.close()
 
 
-def test_attempts_whose_lease_has_ended_are_lost(transitions: JobTransitions) -> None:
+def test_attempts_whose_lease_has_ended_are_interrupted(transitions: JobTransitions) -> None:
     add(transitions)
     job = claim(transitions)
     assert transitions.expire_leases() == 0
     assert transitions.extend_lease(job, lease_s=-1)
     assert transitions.expire_leases() == 1
-    assert claim(transitions).attempt == job.attempt + 1
+    again = claim(transitions)
+    assert (again.attempt, again.lost_attempts, again.interruptions) == (job.attempt + 1, 0, 1)
+
+
+def test_a_service_that_was_suspended_keeps_the_attempts_that_it_supervises(
+    transitions: JobTransitions,
+) -> None:
+    add(transitions)
+    job = claim(transitions, lease_s=-1)
+    assert transitions.expire_leases({job.id}) == 0
+    assert transitions.is_current(job)
+    assert transitions.extend_lease(job, lease_s=LEASE_S)
+
+
+def test_services_that_die_are_counted_apart_from_lost_attempts(
+    transitions: JobTransitions, queries: JobQueries, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transitions_module, "_pause_after", lambda interruptions: 0.0)
+    added = add(transitions)
+    for number in range(1, MAX_INTERRUPTIONS):
+        claim(transitions, lease_s=-1)
+        assert transitions.requeue_orphans() == 1
+        row = read(queries, added)
+        assert (row.status, row.interruptions, row.lost_attempts) == ("queued", number, 0)
+    claim(transitions, lease_s=-1)
+    transitions.requeue_orphans()
+    error = read(queries, added).error
+    assert error is not None
+    assert error["detail"].startswith("20 attempts were interrupted; the last: the service was")
+
+
+def test_the_pauses_after_interruptions_grow_up_to_a_bound() -> None:
+    pauses = [transitions_module._pause_after(number) for number in range(1, MAX_INTERRUPTIONS)]
+    assert pauses == sorted(pauses)
+    assert (pauses[0], pauses[3], pauses[-1]) == (0.0, 2.0, MAX_PAUSE_S)
+
+
+def test_a_job_that_pauses_lets_others_go_first(
+    transitions: JobTransitions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transitions_module, "_pause_after", lambda interruptions: 60.0)
+    first, second = add(transitions), add(transitions)
+    assert transitions.interrupt(claim(transitions), "the disk is full")
+    assert claim(transitions).id == second.id
+    assert transitions.claim(lease_s=LEASE_S) is None
+    real = time.time
+    monkeypatch.setattr(time, "time", lambda: real() + 61)
+    assert claim(transitions).id == first.id
+
+
+def test_a_pause_beyond_the_bound_is_a_clock_that_was_set_back(
+    transitions: JobTransitions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transitions_module, "_pause_after", lambda interruptions: MAX_PAUSE_S)
+    first = add(transitions)
+    assert transitions.interrupt(claim(transitions), "the disk is full")
+    real = time.time
+    monkeypatch.setattr(time, "time", lambda: real() - 3600)
+    assert claim(transitions).id == first.id
 
 
 def test_a_queued_job_fails_at_its_deadline(

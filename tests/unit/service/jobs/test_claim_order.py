@@ -1,0 +1,80 @@
+"""Tenants take turns; priority orders the jobs of one tenant only."""
+
+from __future__ import annotations
+
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+
+from service.jobs.model import JobRow
+from service.jobs.transitions import JobTransitions
+from tests.factories.jobs import LEASE_S, OUTCOME, add, claim
+
+
+def add_many(transitions: JobTransitions, tenant: str, count: int, priority: int = 0) -> None:
+    for _ in range(count):
+        add(transitions, tenant=tenant, priority=priority)
+
+
+def finish(transitions: JobTransitions, job: JobRow) -> None:
+    assert transitions.succeed(job, OUTCOME, None)
+
+
+def test_a_tenant_does_not_wait_behind_the_whole_queue_of_another(
+    transitions: JobTransitions,
+) -> None:
+    add_many(transitions, "a", 50)
+    running = claim(transitions)
+    mine = add(transitions, tenant="b")
+    finish(transitions, running)
+    assert claim(transitions).id == mine.id
+
+
+def test_priority_goes_before_no_other_tenant(transitions: JobTransitions) -> None:
+    add_many(transitions, "b", 2)
+    add_many(transitions, "a", 10, priority=100)
+    tenants = []
+    for _ in range(4):
+        job = claim(transitions)
+        tenants.append(job.tenant)
+        finish(transitions, job)
+    assert sorted(tenants[:2]) == sorted(tenants[2:]) == ["a", "b"]
+
+
+def test_one_worker_serves_the_tenants_by_turns(transitions: JobTransitions) -> None:
+    add_many(transitions, "a", 6)
+    add_many(transitions, "b", 2)
+    add_many(transitions, "c", 2)
+    served = []
+    for _ in range(10):
+        job = claim(transitions)
+        served.append(job.tenant)
+        finish(transitions, job)
+    assert served == ["a", "b", "c", "a", "b", "c", "a", "a", "a", "a"]
+
+
+def test_the_tenant_with_the_fewest_running_jobs_is_next(transitions: JobTransitions) -> None:
+    add_many(transitions, "a", 3)
+    first, second = claim(transitions), claim(transitions)
+    add_many(transitions, "b", 5)
+    assert [claim(transitions).tenant for _ in range(2)] == ["b", "b"]
+    finish(transitions, first)
+    finish(transitions, second)
+    assert claim(transitions).tenant == "a"
+
+
+def test_deleting_what_has_ended_buys_no_turn(transitions: JobTransitions) -> None:
+    add_many(transitions, "a", 3)
+    add_many(transitions, "b", 1)
+    job = claim(transitions)
+    assert job.tenant == "a"
+    finish(transitions, job)
+    assert transitions.remove(job.id)
+    assert claim(transitions).tenant == "b"
+
+
+def test_claims_at_the_same_time_share_alike(transitions: JobTransitions) -> None:
+    for tenant in ("a", "b", "c"):
+        add_many(transitions, tenant, 10)
+    with ThreadPoolExecutor(6) as threads:
+        claimed = list(threads.map(lambda _: transitions.claim(lease_s=LEASE_S), range(12)))
+    assert Counter(job.tenant for job in claimed if job) == {"a": 4, "b": 4, "c": 4}
