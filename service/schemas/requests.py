@@ -110,7 +110,7 @@ class RegistrationParameters(StrictModel):
         0,
         ge=-100,
         le=100,
-        description="Waiting registrations of one tenant start in order of priority, highest first.",
+        description="Of one tenant, the waiting registration with the highest priority starts first.",
     )
     deadline_s: float | None = Field(
         None,
