@@ -66,7 +66,7 @@ def _is_claimable() -> ColumnElement[bool]:
     return and_(jobs.c.status == "queued", or_(jobs.c.paused_until.is_(None), ~is_paused))
 
 
-def _select_next_tenant() -> Select[tuple[str]]:
+def _select_next_tenant() -> Select[Any]:
     waiting = select(jobs.c.tenant).where(_is_claimable()).distinct().subquery()
     running = (
         select(jobs.c.tenant, func.count().label("number"))

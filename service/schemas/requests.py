@@ -110,7 +110,7 @@ class RegistrationParameters(StrictModel):
         0,
         ge=-100,
         le=100,
-        description="Of one tenant, the waiting registration with the highest priority starts first.",
+        description="Waiting registrations of a tenant start in order of priority, highest first.",
     )
     deadline_s: float | None = Field(
         None,
