@@ -16,7 +16,8 @@ from service.auth.quotas import StorageQuota
 from service.auth.rate_limit import RateLimiter
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
-from service.database.engine import Database, open_database
+from service.database.engine import Database
+from service.database.store import open_store
 from service.jobs.idempotency import Idempotency, InFlightKeys
 from service.jobs.model import JobRow, Retention
 from service.jobs.notifier import JobNotifier
@@ -28,6 +29,7 @@ from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.decoded_cache import DecodedCache
 from service.storage.scratch import discard_scratch
+from service.storage.store_mark import StoreMark
 from service.telemetry.metrics import Metrics
 from service.telemetry.recorder import Telemetry
 from service.telemetry.tracing import Tracing
@@ -93,15 +95,19 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
     Raises
     ------
     RuntimeError
-        Another service uses the data directory, or a later release has written the database.
+        Another service uses the data directory, a later release has written the database, or the
+        job store is lost.
     """
     with ExitStack() as stack:
         stack.enter_context(
             _lock_data_dir(settings.data_dir, shared=settings.database_url is not None)
         )
+        database = stack.enter_context(closing(open_store(settings)))
+        keys = KeyStore(database)
+        if keys.any_exist():
+            StoreMark(settings.data_dir).record_keys()
         blobs = BlobStore(settings.data_dir)
         blobs.discard_incoming()
-        database = stack.enter_context(closing(open_database(settings.store_url)))
         tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
         telemetry = stack.enter_context(closing(Telemetry(metrics, tracing)))
         clouds = CloudStore(database, blobs, retention_s=settings.cloud_retention_s)
@@ -133,7 +139,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             uploads=uploads,
             outbox=Outbox(database),
             telemetry=telemetry,
-            authenticator=Authenticator(KeyStore(database), settings),
+            authenticator=Authenticator(keys, settings),
             storage_quota=StorageQuota(database),
         )
         for part in (

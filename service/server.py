@@ -12,6 +12,7 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.auth.bind_check import check_binding
+from service.database.store import check_store
 from service.runtime import Runtime
 from service.settings import Settings, load_settings, log_renamed_variables
 from service.telemetry.json_logs import configure_logs
@@ -54,7 +55,10 @@ def serve(settings: Settings, host: str = "127.0.0.1", port: int = 8000) -> None
     ------
     UnprotectedBindError
         Other machines could reach the address, and there are no keys.
+    StoreLostError
+        The job store is missing, empty or damaged.
     """
+    check_store(settings)
     check_binding(host, settings)
     configure_logs(settings.log_level)
     log_renamed_variables()

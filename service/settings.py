@@ -316,10 +316,15 @@ class Settings(BaseSettings):
         return self
 
     @property
+    def sqlite_path(self) -> Path:
+        """File of the job store where MPE_DATABASE_URL is not set."""
+        return self.data_dir / "jobs.sqlite3"
+
+    @property
     def store_url(self) -> str:
         """SQLAlchemy URL of the job store."""
         if self.database_url is None:
-            return f"sqlite:///{self.data_dir / 'jobs.sqlite3'}"
+            return f"sqlite:///{self.sqlite_path}"
         return self.database_url.get_secret_value()
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 from service.auth.keys import DEFAULT_TENANT, ApiKey, KeyLimits, KeyStore, split_key
 from service.problems import UnauthorizedError
 from service.settings import KeySettings, Settings
+from service.storage.store_mark import StoreMark
 
 CACHE_TTL_S = 1.0
 """Seconds a key look-up is cached; a revoked key may still be accepted for that long."""
@@ -38,7 +39,7 @@ class Authenticator:
         self._cache: dict[str, tuple[ApiKey, float]] = {}
         """Key and end of its validity in the cache, by id."""
         self._anonymous_until = 0.0
-        self._requires_key = settings.require_keys
+        self._requires_key = settings.require_keys or StoreMark(settings.data_dir).had_keys
 
     def from_cache(self, authorization: list[str]) -> Caller | None:
         """Return the caller if the cache knows it; None: ask `authenticate`.

@@ -6,8 +6,9 @@ import socket
 from ipaddress import ip_address
 
 from service.auth.keys import KeyStore
-from service.database.engine import open_database
+from service.database.store import open_store
 from service.settings import Settings
+from service.storage.store_mark import StoreMark
 
 
 class UnprotectedBindError(Exception):
@@ -22,13 +23,14 @@ def check_binding(host: str, settings: Settings) -> None:
     UnprotectedBindError
         Other machines can reach the address, no key exists or is required, and
         MPE_ALLOW_ANONYMOUS_REMOTE is not set.
+    StoreLostError
+        The job store is missing or empty.
     """
     if settings.allow_anonymous_remote or settings.require_keys or resolves_to_loopback(host):
         return
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
-    database = open_database(settings.store_url)
+    database = open_store(settings)
     try:
-        has_keys = KeyStore(database).any_exist()
+        has_keys = StoreMark(settings.data_dir).had_keys or KeyStore(database).any_exist()
     finally:
         database.close()
     if not has_keys:

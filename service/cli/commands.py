@@ -135,13 +135,14 @@ time        {registration.timing["total"]:.2f} s"""
 
 def _serve(arguments: argparse.Namespace) -> int:
     from service.auth.bind_check import UnprotectedBindError
+    from service.database.store import StoreLostError
     from service.server import serve  # loads the service, which `mpe align` does without
 
     try:
         serve(load_settings(), arguments.host, arguments.port)
     except (InvalidSettingsError, UnprotectedBindError) as error:
         return _fail(str(error), EXIT_USAGE)
-    except NotReadyError as error:
+    except (NotReadyError, StoreLostError) as error:
         return _fail(str(error), EXIT_ERROR)
     return EXIT_OK
 

@@ -59,13 +59,14 @@ def run(arguments: argparse.Namespace, settings: Settings) -> None:
     """
     # SQLAlchemy takes long to load, and `mpe align` does without it
     from service.auth.keys import KeyStore
-    from service.database.engine import open_database
+    from service.database.store import open_store
+    from service.storage.store_mark import StoreMark
 
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
-    database = open_database(settings.store_url)
+    database = open_store(settings)
     try:
         keys = KeyStore(database)
         if arguments.action == "create":
+            StoreMark(settings.data_dir).record_keys()
             _create(keys, arguments)
         elif arguments.action == "list":
             _list(keys)

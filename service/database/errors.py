@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy.exc import DataError, OperationalError, TimeoutError
+from sqlalchemy.exc import DatabaseError, DataError, OperationalError, TimeoutError
 
 from service.problems import InvalidRequestError, NotReadyError
 
@@ -20,7 +20,7 @@ def translate_errors() -> Iterator[None]:
     Raises
     ------
     NotReadyError
-        The database does not answer.
+        The database does not answer, or is damaged.
     InvalidRequestError
         A value cannot be stored: PostgreSQL refuses NUL characters.
     """
@@ -33,3 +33,8 @@ def translate_errors() -> Iterator[None]:
         raise InvalidRequestError(
             "A text contains a character that cannot be stored (NUL); remove it."
         ) from error
+    except DatabaseError as error:
+        if type(error) is not DatabaseError:  # a subclass is a mistake of this program
+            raise
+        log.critical("the job store is damaged: %s", error)
+        raise NotReadyError("The job store is damaged; tell the operator.") from error

@@ -8,6 +8,7 @@ from service.auth.authenticator import ANONYMOUS, Authenticator, limits_in_force
 from service.auth.keys import KeyLimits, KeyStore
 from service.problems import UnauthorizedError
 from service.settings import KeySettings, Settings
+from service.storage.store_mark import StoreMark
 
 
 @pytest.mark.parametrize(
@@ -81,3 +82,12 @@ def test_another_form_of_the_header_is_refused(
     with pytest.raises(UnauthorizedError) as refused:
         Authenticator(keys, settings).authenticate([text.format(key=key) for text in headers])
     assert "invalid_token" in refused.value.headers["WWW-Authenticate"]
+
+
+def test_a_directory_that_had_keys_never_opens_without_them(
+    settings: Settings, keys: KeyStore
+) -> None:
+    assert Authenticator(keys, settings).authenticate([]) == ANONYMOUS
+    StoreMark(settings.data_dir).record_keys()
+    with pytest.raises(UnauthorizedError):
+        Authenticator(keys, settings).authenticate([])
