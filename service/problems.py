@@ -7,6 +7,7 @@ Errors of fetching URLs are in `service.outbound.errors`.
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -207,6 +208,16 @@ class OverloadedError(ServiceError):
     retry_after_s = 30
 
 
+class DiskFullError(ServiceError):
+    """The disk of the service, or its quota, is full."""
+
+    problem = ProblemType(507, "disk-full", "The disk of the service is full")
+    retry_after_s = 30
+
+    def __init__(self) -> None:
+        super().__init__("The disk of the service is full; nothing was stored. Retry later.")
+
+
 class DeadlineError(ServiceError):
     """The caller's deadline passed before the registration ended."""
 
@@ -261,10 +272,21 @@ def problem_type(error: BaseException) -> ProblemType:
     """Return the type of problem that an exception is; INTERNAL when it was not foreseen."""
     if isinstance(error, ServiceError):
         return error.problem
+    if is_disk_full(error):
+        return DiskFullError.problem
     for ancestor in type(error).__mro__:
         if ancestor in FOREIGN_PROBLEMS:
             return FOREIGN_PROBLEMS[ancestor]
     return INTERNAL
+
+
+def is_disk_full(error: BaseException | None) -> bool:
+    """Return whether the error, or one that it came from, is that of a full disk or quota."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def all_problem_types() -> list[ProblemType]:
@@ -292,4 +314,7 @@ def problem_document(kind: ProblemType, detail: str, **members: Any) -> dict[str
 
 def error_document(error: Exception) -> dict[str, Any]:
     """Return the problem document of an exception, without its further members."""
-    return problem_document(problem_type(error), str(error))
+    kind = problem_type(error)
+    if kind is DiskFullError.problem:
+        error = DiskFullError()  # the text of another error may hold a path
+    return problem_document(kind, str(error))

@@ -28,6 +28,7 @@ from service.outbound import http_cache
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.decoded_cache import DecodedCache
+from service.storage.disk_space import DiskSpace
 from service.storage.scratch import discard_scratch
 from service.storage.store_mark import StoreMark
 from service.telemetry.metrics import Metrics
@@ -60,6 +61,7 @@ class Runtime:
     telemetry: Telemetry
     authenticator: Authenticator
     storage_quota: StorageQuota
+    disk: DiskSpace
     rate_limiter: RateLimiter = field(default_factory=RateLimiter)
     in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
 
@@ -106,6 +108,8 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
         keys = KeyStore(database)
         if keys.any_exist():
             StoreMark(settings.data_dir).record_keys()
+        disk = DiskSpace(settings.data_dir, settings.min_free_disk_bytes)
+        disk.adjust_fallback()
         blobs = BlobStore(settings.data_dir)
         blobs.discard_incoming()
         tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
@@ -141,6 +145,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             telemetry=telemetry,
             authenticator=Authenticator(keys, settings),
             storage_quota=StorageQuota(database),
+            disk=disk,
         )
         for part in (
             runtime.workers,
@@ -154,7 +159,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
 
 
 def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
-    """Return the tasks in their order: rows expire before the files that only they need."""
+    """Return the tasks in their order: what makes room first, rows before the files they need."""
     settings, database = runtime.settings, runtime.database
     decoded = DecodedCache(settings.data_dir / "prepared")
 
@@ -166,11 +171,12 @@ def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
             log.info("removed %d unused files", removed)
 
     return [
+        runtime.disk.adjust_fallback,
+        lambda: discard_scratch(settings.data_dir),
+        runtime.uploads.drop_expired,
         lambda: runtime.transitions.expire_leases(runtime.workers.held_jobs()),
         runtime.transitions.fail_overdue,
-        lambda: discard_scratch(settings.data_dir),
         lambda: drop_expired(database),
-        runtime.uploads.drop_expired,
         collect_blobs,
         lambda: decoded.collect(find_cloud_blobs(database)),
         lambda: http_cache.prune(settings.data_dir, runtime.blobs),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 
@@ -12,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.auth.authenticator import Caller
 from service.jobs.accept import check_queue_limit, check_tenant_queue_limit
-from service.problems import NotReadyError, OverloadedError
+from service.problems import NotReadyError, OverloadedError, QuotaExceededError
 from service.runtime import Runtime
 
 
@@ -30,12 +29,12 @@ async def reserve_body_bytes(
     try:
         yield
     finally:
-        runtime.storage_quota.release(caller, size)
+        _release(runtime, caller, size)
 
 
 @contextmanager
 def reserve_bytes(runtime: Runtime, caller: Caller, size: int) -> Iterator[None]:
-    """Check the capacity, and reserve bytes of the tenant's quota while the context lasts.
+    """Check the capacity, and reserve bytes of quota and disk while the context lasts.
 
     Raises
     ------
@@ -48,12 +47,40 @@ def reserve_bytes(runtime: Runtime, caller: Caller, size: int) -> Iterator[None]
     try:
         yield
     finally:
-        runtime.storage_quota.release(caller, size)
+        _release(runtime, caller, size)
+
+
+@contextmanager
+def reserve_disk(runtime: Runtime, size: int) -> Iterator[None]:
+    """Reserve bytes of the disk while the context lasts.
+
+    Raises
+    ------
+    OverloadedError
+        With what other requests are sending, too little would be left.
+    """
+    if not runtime.disk.reserve(size):
+        raise OverloadedError("Too little disk is left for the body; retry later.")
+    try:
+        yield
+    finally:
+        runtime.disk.release(size)
 
 
 def _reserve(runtime: Runtime, caller: Caller, size: int) -> None:
     check_capacity(runtime, caller)
-    runtime.storage_quota.reserve(caller, size)
+    if not runtime.disk.reserve(size):
+        raise OverloadedError("Too little disk is left for the body; retry later.")
+    try:
+        runtime.storage_quota.reserve(caller, size)
+    except QuotaExceededError:
+        runtime.disk.release(size)
+        raise
+
+
+def _release(runtime: Runtime, caller: Caller, size: int) -> None:
+    runtime.storage_quota.release(caller, size)
+    runtime.disk.release(size)
 
 
 def check_capacity(runtime: Runtime, caller: Caller) -> None:
@@ -76,7 +103,7 @@ def check_capacity(runtime: Runtime, caller: Caller) -> None:
     check_queue_limit(runtime.jobs.count("queued"), settings.queue_limit)
     if tenant_limit is not None:
         check_tenant_queue_limit(runtime.jobs.count("queued", caller.tenant), tenant_limit)
-    if shutil.disk_usage(settings.data_dir).free < settings.min_free_disk_bytes:
+    if runtime.disk.is_short:
         raise OverloadedError("Too little disk is left; retry later.")
     if psutil.virtual_memory().available < settings.min_free_memory_bytes:
         raise OverloadedError("Too little memory is left; retry later.")

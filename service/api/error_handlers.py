@@ -19,6 +19,7 @@ from service.problems import (
     FOREIGN_PROBLEMS,
     INTERNAL,
     TYPE_PREFIX,
+    DiskFullError,
     InvalidRequestError,
     ProblemType,
     ServiceError,
@@ -50,6 +51,7 @@ def register_error_handlers(app: FastAPI, metrics: Metrics) -> None:
     """Answer every exception with its problem document, and count it."""
     foreseen: tuple[type[Exception], ...] = (ServiceError, *FOREIGN_PROBLEMS)
     renderers = dict.fromkeys(foreseen, _render_foreseen) | {
+        OSError: _render_foreseen,
         RequestValidationError: _render_invalid_parameters,
         HTTPException: _render_http_exception,
         Exception: _render_unexpected,
@@ -102,6 +104,8 @@ def _render_foreseen(request: Request, error: Exception) -> ProblemResponse:
     kind = problem_type(error)
     if kind is INTERNAL:
         return _render_unexpected(request, error)
+    if kind is DiskFullError.problem:
+        error = DiskFullError()  # the text of another error may hold a path
     if isinstance(error, ServiceError):
         return _respond(kind, str(error), error.headers, **error.members)
     return _respond(kind, str(error))

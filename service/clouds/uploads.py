@@ -131,10 +131,13 @@ class UploadStore:
         return self.get(upload.tenant, upload.id)
 
     def remove(self, upload: Upload) -> None:
-        """Delete the upload and what has been received; a cloud that it has become stays."""
+        """Delete the upload and what has been received; a cloud that it has become stays.
+
+        The file goes first: on a full disk its row can be deleted only then.
+        """
+        self._path(upload).unlink(missing_ok=True)
         with self._database.write() as connection:
             connection.execute(delete(uploads).where(uploads.c.id == upload.id))
-        self._path(upload).unlink(missing_ok=True)
 
     def drop_expired(self) -> None:
         """Remove the expired uploads, except those that receive a piece at this moment."""
@@ -143,12 +146,12 @@ class UploadStore:
             rows = connection.execute(select(uploads).where(is_expired))
             expired = [Upload(**row._mapping) for row in rows]
         for upload in expired:
-            if upload.is_complete:
+            try:
+                with self._open(upload) as file:
+                    if _try_lock(file):
+                        self.remove(upload)
+            except UnknownUploadError:  # it is complete, or its file has been removed
                 self.remove(upload)
-                continue
-            with self._path(upload).open("ab") as file:
-                if _try_lock(file):
-                    self.remove(upload)
 
     def _path(self, upload: Upload) -> Path:
         return self._directory / upload.id

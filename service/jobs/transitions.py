@@ -134,11 +134,14 @@ class JobTransitions:
         error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
         return self.fail(job, error_document(error), {})
 
-    def interrupt(self, job: JobRow, reason: str) -> bool:
+    def interrupt(
+        self, job: JobRow, reason: str, final_error: dict[str, Any] | None = None
+    ) -> bool:
         """Return a job whose attempt ended through no fault of its own to the queue.
 
         It waits there for a pause that doubles with each interruption; the last one that is allowed
-        fails the job. Returns False when the attempt is not current.
+        fails the job, with `final_error` if there is one. Returns False when the attempt is not
+        current.
         """
         number = job.interruptions + 1
         if number < MAX_INTERRUPTIONS:
@@ -146,7 +149,7 @@ class JobTransitions:
             values = {"interruptions": number, "paused_until": time.time() + pause_s, **_QUEUED}
             return self._change(_is_current_attempt(job), job.id, values)
         error = WorkerLostError(f"{number} attempts were interrupted; the last: {reason}")
-        return self.fail(job, error_document(error), {})
+        return self.fail(job, final_error or error_document(error), {})
 
     def requeue_orphans(self) -> int:
         """Interrupt the attempts that a killed service left running; return their number."""

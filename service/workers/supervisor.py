@@ -14,7 +14,15 @@ from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
 from service.jobs.transitions import JobTransitions
 from service.outbound import FetchPolicy
-from service.problems import DeadlineError, JobTimeoutError, NotReadyError, error_document
+from service.problems import (
+    TYPE_PREFIX,
+    DeadlineError,
+    DiskFullError,
+    JobTimeoutError,
+    NotReadyError,
+    error_document,
+    is_disk_full,
+)
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.scratch import scratch_folder
@@ -41,6 +49,9 @@ HEARTBEAT_S = LEASE_S / 3
 POLL_INTERVAL_S = 0.5
 """Interval of the checks whether another service on the same database has cancelled the job."""
 
+DISK_FULL = TYPE_PREFIX + DiskFullError.problem.slug
+"""Type of the problem that a child answers when it cannot write."""
+
 log = logging.getLogger(__name__)
 
 
@@ -63,6 +74,10 @@ class AttemptSupervisor:
             except (JobTimeoutError, DeadlineError) as error:
                 document = error_document(error)
                 _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
+            except OSError as error:
+                if not is_disk_full(error):
+                    raise
+                self._interrupt_on_full_disk(job)
             except ChildLostError as lost:
                 reason = str(lost)
                 if _retry_while_unavailable(
@@ -185,11 +200,21 @@ class AttemptSupervisor:
         ChildLostError
             The answer is that to another task.
         """
-        if isinstance(answer, Failed):
+        if isinstance(answer, Failed) and answer.problem.type == DISK_FULL:
+            self._interrupt_on_full_disk(job)
+        elif isinstance(answer, Failed):
             problem, timing = asdict(answer.problem), job.timing | answer.timing
             _retry_while_unavailable(lambda: self.transitions.fail(job, problem, timing))
         elif answer is not None:
             raise ChildLostError(f"it answered {answer.kind!r} to another task")
+
+    def _interrupt_on_full_disk(self, job: JobRow) -> None:
+        """Queue the job again: there may be room later, and it is not the job's fault."""
+        document = error_document(DiskFullError())
+        log.warning("attempt %d was interrupted: the disk is full", job.attempt)
+        _retry_while_unavailable(
+            lambda: self.transitions.interrupt(job, "the disk was full", document)
+        )
 
     def _protect_blobs(self, *blobs: StoredBlob) -> None:
         """Keep what the child has stored from the clean-up until a row refers to it."""

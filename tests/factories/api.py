@@ -42,6 +42,9 @@ class IdleWorkers:
     def notify(self) -> None:
         """Wake nobody."""
 
+    def held_jobs(self) -> frozenset[str]:
+        return frozenset()
+
     def kill(self, job_id: str) -> None:
         self.killed.append(job_id)
 

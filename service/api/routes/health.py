@@ -7,7 +7,7 @@ from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from service.api.dependencies import CurrentCaller, CurrentRuntime, identify
-from service.problems import NotReadyError
+from service.problems import NotReadyError, OverloadedError
 from service.schemas import Capacity, Health, TenantUsage
 
 router = APIRouter(tags=["health"])
@@ -21,9 +21,11 @@ def livez() -> Health:
 
 @router.get("/readyz", operation_id="getReadiness", summary="Do registrations start at once?")
 def readyz(runtime: CurrentRuntime) -> Health:
-    """Return 200 when workers and database are ready, and 503 before that and while stopping."""
+    """Return 200 when workers, database and disk are ready, and 503 otherwise or while stopping."""
     if not runtime.workers.is_ready:
         raise NotReadyError("The workers are not ready; retry later.", retry_after_s=1)
+    if runtime.disk.is_short:
+        raise OverloadedError("Too little disk is left; retry later.")
     runtime.jobs.count("queued")
     return Health()
 

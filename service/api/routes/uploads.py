@@ -13,7 +13,7 @@ from typing import Annotated, Any, BinaryIO
 from fastapi import APIRouter, Depends, Header, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import reserve_bytes
+from service.api.admission import reserve_bytes, reserve_disk
 from service.api.body import iter_body
 from service.api.dependencies import CurrentCaller, CurrentRuntime, DeclaredFormat, identify
 from service.clouds.uploads import Upload
@@ -133,7 +133,12 @@ async def append(
     if request.headers.get("content-type") != PIECE_TYPE:
         raise UnsupportedContentTypeError(f"Send a piece as {PIECE_TYPE}.")
     upload = await run_in_threadpool(runtime.uploads.get, caller.tenant, upload_id)
-    with runtime.uploads.open_at(upload, upload_offset) as file:
+    remaining = max(0, upload.length - upload_offset)
+    announced = min(remaining, int(request.headers.get("content-length", remaining)))
+    with (
+        reserve_disk(runtime, announced),
+        runtime.uploads.open_at(upload, upload_offset) as file,
+    ):
         await _write_body(request, file, max_bytes=upload.length - upload_offset)
         upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
     return _tus_response(204, _state(upload, runtime))

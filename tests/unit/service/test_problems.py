@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from types import ModuleType
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 import service.outbound.errors as outbound
 from mpe_core import errors as core
 from service import problems
-from service.formats.errors import MissingAttributeError, TruncatedFileError
+from service.formats.errors import CloudFileError, MissingAttributeError, TruncatedFileError
 from service.problems import (
     INTERNAL,
     QueueFullError,
@@ -71,3 +72,15 @@ def test_retry_after_is_that_of_the_class_unless_stated() -> None:
     assert QueueFullError("x").headers == {"Retry-After": "5"}
     assert QueueFullError("x", retry_after_s=0.2).headers == {"Retry-After": "1"}
     assert ServiceError("x", headers={"Allow": "GET"}).headers == {"Allow": "GET"}
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+@pytest.mark.parametrize("is_wrapped", [False, True])
+def test_a_full_disk_is_nobodys_fault_and_tells_no_path(number: int, is_wrapped: bool) -> None:
+    error: Exception = OSError(number, "No space left", "/data/blobs/ab")
+    if is_wrapped:
+        cause, error = error, CloudFileError("source: [Errno 28] /data/scratch/x")
+        error.__cause__ = cause
+    document = error_document(error)
+    assert (document["status"], document["type"]) == (507, "urn:mpe:problem:disk-full")
+    assert "/data" not in document["detail"]

@@ -10,7 +10,7 @@ from unittest import mock
 
 import pytest
 
-from service.api.admission import check_capacity, reserve_body_bytes, reserve_bytes
+from service.api.admission import check_capacity, reserve_body_bytes, reserve_bytes, reserve_disk
 from service.auth.authenticator import Caller
 from service.auth.keys import KeyLimits
 from service.auth.quotas import StorageQuota
@@ -111,3 +111,34 @@ def test_a_body_without_length_counts_as_the_longest(
                 assert runtime.storage_quota.used(TENANT) == reserved
 
     asyncio.run(run())
+
+
+def test_announced_bytes_of_all_requests_are_reserved_on_the_disk(tmp_path: Path) -> None:
+    def check(runtime: Runtime) -> None:
+        room = runtime.disk.free_bytes - runtime.settings.min_free_disk_bytes
+        other = Caller("other", KeyLimits())
+        most = int(0.7 * room)
+        with reserve_bytes(runtime, other, most):
+            for refuse in (
+                lambda: reserve_bytes(runtime, other, most),
+                lambda: reserve_disk(runtime, most),
+            ):
+                with pytest.raises(OverloadedError, match="disk"), refuse():
+                    pass
+        with reserve_disk(runtime, most):
+            pass
+
+    on_runtime(tmp_path, check, min_free_disk_bytes=0)
+
+
+def test_a_refusal_by_the_quota_reserves_no_disk(tmp_path: Path) -> None:
+    def check(runtime: Runtime) -> None:
+        most = int(0.7 * runtime.disk.free_bytes)
+        for _ in range(3):
+            with (
+                pytest.raises(QuotaExceededError),
+                reserve_bytes(runtime, Caller("other", KeyLimits(stored_bytes=1)), most),
+            ):
+                pass
+
+    on_runtime(tmp_path, check, min_free_disk_bytes=0)

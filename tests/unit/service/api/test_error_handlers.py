@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 from pathlib import Path
 from unittest import mock
 
@@ -54,6 +55,27 @@ def test_an_unexpected_error_tells_nothing_and_is_counted(tmp_path: Path) -> Non
             assert response.status_code == 500
             assert response.json()["type"] == "urn:mpe:problem:internal-error"
             assert response.headers["Cache-Control"] == "no-store"
+            assert "secret" not in response.text
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "kind"),
+    [
+        (OSError(errno.ENOSPC, "secret"), 507, "disk-full"),
+        (OSError(errno.EIO, "secret"), 500, "internal-error"),
+    ],
+)
+def test_a_full_disk_is_told_as_such(
+    tmp_path: Path, error: OSError, status: int, kind: str
+) -> None:
+    async def run() -> None:
+        async with api_client(tmp_path) as (client, _):
+            with mock.patch.object(JobQueries, "get", side_effect=error):
+                response = await client.get("/v1/registrations/x")
+            assert response.status_code == status
+            assert response.json()["type"] == f"urn:mpe:problem:{kind}"
             assert "secret" not in response.text
 
     asyncio.run(run())

@@ -12,7 +12,12 @@ from service.clouds.uploads import Upload, UploadStore
 from service.database.engine import Database
 from service.formats import UnknownFormatError
 from service.jobs.usage import count_stored_bytes
-from service.problems import UnknownCloudError, UnknownUploadError, UploadConflictError
+from service.problems import (
+    NotReadyError,
+    UnknownCloudError,
+    UnknownUploadError,
+    UploadConflictError,
+)
 from service.storage.blobs import BlobStore
 
 XYZ = b"0 0 0\n1 0 0\n0 1 0\n"
@@ -138,3 +143,23 @@ def test_an_upload_that_expires_under_a_request_is_unknown_and_leaves_nothing(
     with pytest.raises(UnknownUploadError), uploads.open_at(upload, 0):
         pass
     assert files(tmp_path) == []
+
+
+def test_a_full_disk_gets_the_bytes_back_before_the_row(
+    open_uploads: Open, database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uploads = open_uploads(retention_s=-1)
+    upload = send(uploads, uploads.create("lab", 9), 0, b"1 2 3")
+
+    def refuse(**_: object) -> None:
+        raise NotReadyError("the disk is full")
+
+    with monkeypatch.context() as full:
+        full.setattr(database, "write", refuse)
+        for remove in (lambda: uploads.remove(upload), uploads.drop_expired):
+            with pytest.raises(NotReadyError):
+                remove()
+            assert files(tmp_path) == []
+    uploads.drop_expired()
+    with pytest.raises(UnknownUploadError):
+        uploads.get("lab", upload.id)

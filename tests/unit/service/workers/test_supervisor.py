@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from service.database.engine import open_database
 from service.jobs.model import JobRow
 from service.jobs.queries import JobQueries
 from service.jobs.transitions import MAX_LOST_ATTEMPTS, JobTransitions
-from service.problems import NotReadyError
+from service.problems import NotReadyError, error_document
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers import supervisor as module
@@ -175,6 +176,24 @@ def test_a_lost_child_is_tried_again_and_fails_the_job_in_the_end(
     assert job.status == "failed"
     assert job.error is not None
     assert job.error["type"] == "urn:mpe:problem:worker-lost"
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        Failed(Problem(**error_document(OSError(errno.ENOSPC, "no space"))), {}),
+        OSError(errno.ENOSPC, "no space"),
+    ],
+    ids=["in the child", "in the service"],
+)
+def test_a_full_disk_costs_the_job_nothing_and_it_is_tried_again(
+    attempts: Attempts, last: Line
+) -> None:
+    attempts.add()
+    for number in range(1, 4):
+        job = attempts.run([Progress("decode", 0.05), last])
+        assert (job.status, job.lost_attempts, job.interruptions) == ("queued", 0, number)
+    assert attempts.run([attempts.success()]).status == "succeeded"
 
 
 def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:
