@@ -11,6 +11,7 @@ from starlette.middleware.cors import CORSMiddleware
 from service.api.error_handlers import register_error_handlers
 from service.api.middleware.cors import CORS_OPTIONS
 from service.api.middleware.drain_body import DrainBodyMiddleware
+from service.api.middleware.head import HeadMiddleware
 from service.api.middleware.request_log import RequestLogMiddleware
 from service.api.middleware.security_headers import SecurityHeadersMiddleware
 from service.api.openapi import add_description
@@ -58,8 +59,16 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         with open_runtime(settings, metrics) as app.state.runtime:
             yield
 
-    app = FastAPI(title="mpe", lifespan=lifespan, openapi_url=None, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="mpe",
+        lifespan=lifespan,
+        openapi_url=None,
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,  # a redirect would repeat a Host that was not checked
+    )
     app.add_middleware(DrainBodyMiddleware)
+    app.add_middleware(HeadMiddleware)
     if settings.cors_origins:
         app.add_middleware(CORSMiddleware, allow_origins=settings.cors_origins, **CORS_OPTIONS)
     app.add_middleware(SecurityHeadersMiddleware)

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import gc
+import logging
+import socket
 import sys
 import threading
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.config import STARTUP_FAILURE
 
 from service.app import create_app
 from service.auth.bind_check import check_binding
+from service.connections.guard import ConnectionGuard
+from service.connections.listener import Listener, bind
+from service.connections.protocol import GuardedConfig, GuardedProtocol, Timeouts
 from service.database.store import check_store
 from service.runtime import Runtime
 from service.settings import Settings, load_settings, log_renamed_variables
 from service.telemetry.json_logs import configure_logs
+
+log = logging.getLogger(__name__)
 
 CONNECTION_GRACE_S = 3
 """Seconds for open connections (event streams, long polls) to close after the workers stopped."""
@@ -28,10 +36,30 @@ thread computes (docs/tuning.md)."""
 class DrainingServer(uvicorn.Server):
     """A uvicorn server that keeps answering while it drains: running jobs get a grace to finish."""
 
-    def __init__(self, config: uvicorn.Config, app: FastAPI) -> None:
+    def __init__(self, config: GuardedConfig, app: FastAPI, guard: ConnectionGuard) -> None:
         super().__init__(config)
         self._app = app
+        self._guarded_config = config
+        self._guard = guard
         self._draining = False
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start the application, then accept connections within the limits."""
+        await super().startup(sockets=[])  # uvicorn itself accepts none
+        config = self._guarded_config
+        try:
+            bound = sockets or await bind(config.host, config.port)
+        except OSError as error:
+            log.error("cannot listen at %s:%d: %s", config.host, config.port, error)
+            await self.lifespan.shutdown()
+            sys.exit(STARTUP_FAILURE)
+        listener = Listener(bound, self._make_protocol, self._guard)
+        self.servers.append(listener)  # type: ignore[arg-type]
+        log.info("listening at %s", ", ".join(listener.addresses))
+        listener.start()
+
+    def _make_protocol(self) -> GuardedProtocol:
+        return GuardedProtocol(self._guarded_config, self.server_state, self.lifespan.state)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Start to drain at the first signal; stop at once at the second."""
@@ -67,15 +95,18 @@ def serve(settings: Settings, host: str = "127.0.0.1", port: int = 8000) -> None
     # keep the imported objects out of full collections, which would stop the event loop for 60 ms
     gc.collect()
     gc.freeze()
-    config = uvicorn.Config(
+    config = GuardedConfig(
         app,
+        timeouts=Timeouts(settings.head_timeout_s, settings.body_stall_timeout_s),
         host=host,
         port=port,
         server_header=False,
         log_config=None,
+        timeout_keep_alive=settings.idle_timeout_s,
         timeout_graceful_shutdown=CONNECTION_GRACE_S,
     )
-    DrainingServer(config, app).run()
+    guard = ConnectionGuard(settings.max_connections, settings.connections_per_address)
+    DrainingServer(config, app, guard).run()
 
 
 if __name__ == "__main__":

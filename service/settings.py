@@ -77,6 +77,15 @@ def _default_job_memory() -> int:
     return max(1024 * MEBIBYTE, int(0.8 * physical) // _default_workers())
 
 
+def _default_connections() -> int:
+    import resource  # Unix only, as the service is; `mpe align` reads no settings
+
+    descriptors = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if descriptors == resource.RLIM_INFINITY:
+        return 1000
+    return min(1000, max(16, (descriptors - 128) // 2))
+
+
 def _split_commas(value: object) -> object:
     if isinstance(value, str):
         return tuple(part.strip() for part in value.split(",") if part.strip())
@@ -228,6 +237,22 @@ class Settings(BaseSettings):
     """
     max_wait_s: NonNegativeFloat = 60
     """Maximum wait that `Prefer: wait` can ask for, in seconds."""
+    head_timeout_s: PositiveFloat = 10
+    """Time limit of a request's line and headers, in seconds; the connection is closed then."""
+    body_stall_timeout_s: PositiveFloat = 20
+    """Time without progress after which a request's body, or a response that the caller does not
+    read, is given up and the connection closed, in seconds.
+    """
+    idle_timeout_s: PositiveInt = 5
+    """Time that a connection is kept open between two requests, in seconds."""
+    max_connections: PositiveInt = Field(default_factory=_default_connections)
+    """Maximum number of open connections; more are answered 503. Default: half of the file
+    descriptors that the process may open, less 128, at most 1000.
+    """
+    max_connections_per_address: NonNegativeInt = 0
+    """Maximum number of open connections from one address, or from one /64 network of IPv6; 0: half
+    of MPE_MAX_CONNECTIONS. Behind a proxy all connections come from its address.
+    """
     queue_limit: PositiveInt = 1000
     """Maximum number of registrations that wait; more are answered 429."""
     job_timeout_s: PositiveFloat = 600
@@ -326,6 +351,11 @@ class Settings(BaseSettings):
         if self.database_url is None:
             return f"sqlite:///{self.sqlite_path}"
         return self.database_url.get_secret_value()
+
+    @property
+    def connections_per_address(self) -> int:
+        """Open connections that one address may have."""
+        return self.max_connections_per_address or max(1, self.max_connections // 2)
 
     @property
     def threads(self) -> int:

@@ -29,7 +29,10 @@ _WAIT_PREFERENCE = re.compile(
 """`wait=N` in a Prefer header (RFC 7240), N in whole seconds."""
 
 
-def _runtime(request: Request) -> Runtime:
+# dependencies that do not wait are coroutines: FastAPI calls others in one of its few threads
+
+
+async def _runtime(request: Request) -> Runtime:
     runtime: Runtime = request.app.state.runtime
     return runtime
 
@@ -81,7 +84,7 @@ class PageRequest:
     """Where the previous page ends; None: the first page."""
 
 
-def _page(
+async def _page(
     limit: Annotated[int, Query(ge=1, le=200, description="Most items of the page.")] = 50,
     cursor: Annotated[
         str | None, Query(pattern=CURSOR, description="next_cursor of the previous page.")
@@ -93,7 +96,7 @@ def _page(
 RequestedPage = Annotated[PageRequest, Depends(_page)]
 
 
-def _preferred_wait_s(
+async def _preferred_wait_s(
     runtime: CurrentRuntime,
     prefer: Annotated[
         str | None,

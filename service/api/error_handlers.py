@@ -10,11 +10,11 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from fastapi.routing import iter_route_contexts
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
 from service.api.middleware.security_headers import add_security_headers
+from service.api.route_methods import route_methods
 from service.problems import (
     FOREIGN_PROBLEMS,
     INTERNAL,
@@ -120,21 +120,11 @@ def _render_http_exception(request: Request, error: Exception) -> ProblemRespons
     assert isinstance(error, HTTPException)  # noqa: S101
     headers = dict(error.headers or {})
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
-        headers["Allow"] = _allowed_methods(request)
+        methods = route_methods(request.app, request.url.path)
+        headers["Allow"] = ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
     status = HTTPStatus(error.status_code)
     kind = ProblemType(status.value, status.phrase.lower().replace(" ", "-"), status.phrase)
     return _respond(kind, status.description or status.phrase, headers)
-
-
-def _allowed_methods(request: Request) -> str:
-    """List the methods of all routes of the path; Starlette lists those of one route only."""
-    path = request.url.path
-    methods = [
-        route.methods or set()
-        for route in iter_route_contexts(request.app.routes)
-        if route.path_regex.fullmatch(path)
-    ]
-    return ", ".join(sorted(set().union(*methods)))
 
 
 def _render_unexpected(request: Request, error: Exception) -> ProblemResponse:

@@ -16,6 +16,10 @@ from service.telemetry.metrics import Metrics
 
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
+KNOWN_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+OTHER_METHOD = "other"
+"""Label of all methods that are not in KNOWN_METHODS."""
+
 log = logging.getLogger(__name__)
 
 
@@ -62,7 +66,9 @@ class RequestLogMiddleware:
 
     def _record(self, scope: Scope, status: int, seconds: float) -> None:
         route = getattr(scope.get("route"), "path", "unmatched")
-        self._metrics.requests.labels(scope["method"], route, str(status)).observe(seconds)
+        # any token is a method to HTTP, and each label is kept for ever
+        method = scope["method"] if scope["method"] in KNOWN_METHODS else OTHER_METHOD
+        self._metrics.requests.labels(method, route, str(status)).observe(seconds)
         facts = {
             "method": scope["method"],
             "path": scope["path"],

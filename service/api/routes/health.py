@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+from functools import lru_cache
+
+from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Depends, Response
 from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
@@ -12,22 +16,42 @@ from service.schemas import Capacity, Health, TenantUsage
 
 router = APIRouter(tags=["health"])
 
+DATABASE_TIMEOUT_S = 2.0
+"""Time that the database has to answer a probe, in seconds; probes give up after 3 to 5 s."""
+PROBE_THREADS = 2
+
 
 @router.get("/livez", operation_id="getLiveness", summary="Is the process alive?")
-def livez() -> Health:
+async def livez() -> Health:
     """Return 200 as long as the process responds."""
     return Health()
 
 
 @router.get("/readyz", operation_id="getReadiness", summary="Do registrations start at once?")
-def readyz(runtime: CurrentRuntime) -> Health:
+async def readyz(runtime: CurrentRuntime) -> Health:
     """Return 200 when workers, database and disk are ready, and 503 otherwise or while stopping."""
     if not runtime.workers.is_ready:
         raise NotReadyError("The workers are not ready; retry later.", retry_after_s=1)
     if runtime.disk.is_short:
         raise OverloadedError("Too little disk is left; retry later.")
-    runtime.jobs.count("queued")
+    try:
+        async with asyncio.timeout(DATABASE_TIMEOUT_S):
+            await to_thread.run_sync(
+                runtime.jobs.count, "queued", limiter=_probe_threads(), abandon_on_cancel=True
+            )
+    except TimeoutError:
+        raise NotReadyError("The database does not answer; retry later.") from None
     return Health()
+
+
+@lru_cache(maxsize=1)
+def _limiter_of(_: asyncio.AbstractEventLoop) -> CapacityLimiter:
+    return CapacityLimiter(PROBE_THREADS)
+
+
+def _probe_threads() -> CapacityLimiter:
+    """Return the probes' own threads: those that the routes share may all be busy."""
+    return _limiter_of(asyncio.get_running_loop())
 
 
 @router.get(

@@ -47,7 +47,7 @@ _PIECE: dict[str, Any] = _TUS | {
 }
 
 
-def _check_tus_version(
+async def _check_tus_version(
     tus_resumable: Annotated[str, Header(include_in_schema=False)] = "",
 ) -> None:
     if tus_resumable != TUS_VERSION:

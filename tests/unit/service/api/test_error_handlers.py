@@ -44,7 +44,9 @@ def test_every_error_is_a_problem_document(
 
 def test_all_methods_of_a_path_are_allowed(tmp_path: Path) -> None:
     """Also those of its other routes."""
-    assert answered(tmp_path, "PATCH", "/v1/clouds/door").headers["Allow"] == "DELETE, GET, PUT"
+    assert (
+        answered(tmp_path, "PATCH", "/v1/clouds/door").headers["Allow"] == "DELETE, GET, HEAD, PUT"
+    )
 
 
 def test_an_unexpected_error_tells_nothing_and_is_counted(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Connections of callers: accepted, counted, bounded in time, and closed."""
