@@ -196,7 +196,7 @@ class NoDeliveryError(ServiceError):
 
 
 class ExpiredError(ServiceError):
-    """The result existed and was removed after its retention time."""
+    """A result or a cloud existed: its retention time has passed, or its file is missing."""
 
     problem = ProblemType(410, "expired", "The result has expired")
 

@@ -128,6 +128,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             database,
             queue_limit=settings.queue_limit,
             retention=Retention(settings.result_retention_s, settings.job_retention_s),
+            is_stored=blobs.exists,
             listeners=(telemetry, notifier),
         )
         runtime = Runtime(

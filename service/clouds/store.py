@@ -14,7 +14,7 @@ from service.database.engine import Database
 from service.database.pagination import Place, select_page
 from service.database.tables import clouds
 from service.formats import UnknownFormatError, sniff_file
-from service.problems import InvalidRequestError, UnknownCloudError
+from service.problems import ExpiredError, InvalidRequestError, UnknownCloudError
 from service.storage.blobs import Blob, BlobStore
 
 
@@ -104,6 +104,8 @@ class CloudStore:
         ------
         UnknownCloudError
             There is none of this id.
+        ExpiredError
+            Its file is missing on the disk.
         """
         expires_at = time.time() + self._retention_s
         postpone = update(clouds).where(_is(tenant, cloud_id)).values(expires_at=expires_at)
@@ -112,7 +114,12 @@ class CloudStore:
         if row is None:
             raise _unknown()
         cloud = _from_row(row)
-        self._blobs.touch(cloud.sha256)
+        try:
+            self._blobs.touch(cloud.sha256)
+        except FileNotFoundError as error:
+            raise ExpiredError(
+                f"The file of the cloud {cloud.id} is missing on the disk; store the cloud again."
+            ) from error
         reading = {"format": cloud.format} if cloud.declared else {}
         return CloudInput(cloud.sha256, cloud.size, cloud=cloud.id, reading=reading)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, replace
 
 from sqlalchemy import Connection, and_, insert, select
@@ -23,8 +24,15 @@ def accept_job(
     queue_limit: int,
     tenant_queue_limit: int | None,
     retention: Retention,
+    is_stored: Callable[[str], bool],
 ) -> JobRow:
     """Insert a job, within an exclusive transaction of the caller.
+
+    Parameters
+    ----------
+    is_stored
+        Whether the blob of this hash is on the disk: a result whose files are missing is computed
+        again.
 
     Returns
     -------
@@ -45,7 +53,7 @@ def accept_job(
         earlier = _find_replayed(connection, job.tenant, idempotency)
         if earlier is not None:
             return earlier
-    job = _reuse_result(connection, job, retention)
+    job = _reuse_result(connection, job, retention, is_stored)
     if job.status == "queued":
         check_queue_limit(count_jobs(connection, "queued"), queue_limit)
         if tenant_queue_limit is not None:
@@ -106,7 +114,9 @@ def _find_replayed(connection: Connection, tenant: str, idempotency: Idempotency
     return find_job(connection, jobs.c.id == earlier.job_id)
 
 
-def _reuse_result(connection: Connection, job: JobRow, retention: Retention) -> JobRow:
+def _reuse_result(
+    connection: Connection, job: JobRow, retention: Retention, is_stored: Callable[[str], bool]
+) -> JobRow:
     """End the job with the kept result of the same work, if there is one.
 
     Only results of its own tenant count: `cached` must not tell what other tenants registered.
@@ -120,7 +130,7 @@ def _reuse_result(connection: Connection, job: JobRow, retention: Retention) -> 
     )
     query = select(jobs).where(is_same_work).order_by(jobs.c.finished_at.desc()).limit(1)
     row = connection.execute(query).one_or_none() if job.work_key else None
-    if row is None:
+    if row is None or not (is_stored(row.result_sha256) and is_stored(row.inliers_sha256)):
         return job
     return replace(
         job,

@@ -45,11 +45,13 @@ class JobTransitions:
         *,
         queue_limit: int,
         retention: Retention,
+        is_stored: Callable[[str], bool],
         listeners: Sequence[JobListener] = (),
     ) -> None:
         self._database = database
         self._queue_limit = queue_limit
         self._retention = retention
+        self._is_stored = is_stored
         self._listeners = listeners
 
     def add(
@@ -68,6 +70,7 @@ class JobTransitions:
                 queue_limit=self._queue_limit,
                 tenant_queue_limit=tenant_queue_limit,
                 retention=self._retention,
+                is_stored=self._is_stored,
             )
 
     def claim(self, *, lease_s: float) -> JobRow | None:

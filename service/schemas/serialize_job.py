@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from service.jobs.model import JobRow
+from service.problems import ExpiredError
 from service.schemas.registration import JobSummary, Progress
 from service.storage.blobs import BlobStore
 
@@ -20,8 +21,18 @@ def render_job(job: JobRow, blobs: BlobStore) -> bytes:
     """Render a job with its result as JSON.
 
     The worker has rendered the result already; its text is inserted unchanged.
+
+    Raises
+    ------
+    ExpiredError
+        The file of the result is missing on the disk.
     """
     result = b"null"
     if job.result_sha256 is not None:
-        result = blobs.path(job.result_sha256).read_bytes()
+        try:
+            result = blobs.path(job.result_sha256).read_bytes()
+        except FileNotFoundError as error:
+            raise ExpiredError(
+                "The result is missing on the disk; register the clouds again."
+            ) from error
     return summarize_job(job).model_dump_json().encode()[:-1] + b',"result":' + result + b"}"

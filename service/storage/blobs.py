@@ -105,6 +105,10 @@ class BlobStore:
         """Return the path of a blob, whether it exists or not."""
         return self.blobs / sha256[:2] / sha256
 
+    def exists(self, sha256: str) -> bool:
+        """Return whether the blob is stored."""
+        return self.path(sha256).exists()
+
     def writer(self) -> BlobWriter:
         """Start a new blob."""
         return BlobWriter(self)

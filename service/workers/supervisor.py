@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from service.clouds.inputs import CloudInput
+from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
 from service.jobs.transitions import JobTransitions
@@ -18,6 +18,7 @@ from service.problems import (
     TYPE_PREFIX,
     DeadlineError,
     DiskFullError,
+    ExpiredError,
     JobTimeoutError,
     NotReadyError,
     error_document,
@@ -71,7 +72,7 @@ class AttemptSupervisor:
         with scratch_folder(self.settings.data_dir, f"{job.id}-{job.attempt}") as scratch:
             try:
                 self._attempt(job, scratch)
-            except (JobTimeoutError, DeadlineError) as error:
+            except (JobTimeoutError, DeadlineError, ExpiredError) as error:
                 document = error_document(error)
                 _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
             except OSError as error:
@@ -97,8 +98,22 @@ class AttemptSupervisor:
             if fetched_job is None:
                 return
             job = fetched_job
+        self._check_inputs(job)
         register = RegisterClouds(environment, job.source, job.target, job.options)
         self._record_outcome(job, self._perform(job, register, limits))
+
+    def _check_inputs(self, job: JobRow) -> None:
+        """Check that the files of both clouds are on the disk.
+
+        Raises
+        ------
+        ExpiredError
+            One is missing.
+        """
+        for role in CLOUD_ROLES:
+            sha256 = getattr(job, role).sha256
+            if sha256 is not None and not self.blobs.exists(sha256):
+                raise ExpiredError(f"{role}: its file is missing on the disk; send it again.")
 
     def _perform(self, job: JobRow, task: Task, limits: AttemptLimits) -> Answer | None:
         """Have a child perform the task; return None when the job has been taken away."""

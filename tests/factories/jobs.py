@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 from uuid import uuid4
 
@@ -19,12 +20,19 @@ LEASE_S = 30.0
 
 
 def open_transitions(
-    database: Database, *listeners: JobListener, queue_limit: int = 100
+    database: Database,
+    *listeners: JobListener,
+    queue_limit: int = 100,
+    is_stored: Callable[[str], bool] = lambda sha256: True,
 ) -> JobTransitions:
-    """Transitions of jobs that are kept for a minute or two."""
+    """Transitions of jobs that are kept for a minute or two; all blobs are on the disk."""
     retention = Retention(result_s=60, job_s=120)
     return JobTransitions(
-        database, queue_limit=queue_limit, retention=retention, listeners=listeners
+        database,
+        queue_limit=queue_limit,
+        retention=retention,
+        is_stored=is_stored,
+        listeners=listeners,
     )
 
 

@@ -45,6 +45,8 @@ def get_inliers(
         raise ExpiredError("The result has expired; register the clouds again.")
     if job.inliers_sha256 is None or job.result_sha256 is None:
         raise ResultNotReadyError(f"The registration is {job.status}; only a result has inliers.")
+    if not all(map(runtime.blobs.exists, (job.inliers_sha256, job.result_sha256))):
+        raise ExpiredError("The result is missing on the disk; register the clouds again.")
     array = runtime.blobs.path(job.inliers_sha256)
     if (format or _preferred_format(accept)) == "npy":
         return FileResponse(array, media_type=NPY, filename=f"{job.id}-inliers.npy")

@@ -10,7 +10,7 @@ from service.clouds.store import CloudStore
 from service.database.engine import Database
 from service.formats import UnknownFormatError
 from service.jobs.retention import drop_expired, find_needed_blobs
-from service.problems import InvalidRequestError, UnknownCloudError
+from service.problems import ExpiredError, InvalidRequestError, UnknownCloudError
 from service.storage.blobs import BlobStore
 
 XYZ = b"0 0 0\n1 0 0\n0 1 0\n"
@@ -73,3 +73,14 @@ def test_a_file_that_is_no_cloud_is_refused(clouds: CloudStore, blobs: BlobStore
         clouds.put("lab", "door", blobs.put([b"\0\1\2"]))
     with pytest.raises(UnknownCloudError):
         clouds.get("lab", "door")
+
+
+def test_a_cloud_whose_file_is_missing_has_to_be_stored_again(
+    clouds: CloudStore, blobs: BlobStore
+) -> None:
+    cloud = clouds.put("lab", "door", blobs.put([XYZ]))
+    blobs.path(cloud.sha256).unlink()
+    with pytest.raises(ExpiredError, match="store the cloud again"):
+        clouds.use("lab", "door")
+    clouds.put("lab", "door", blobs.put([XYZ]))
+    assert clouds.use("lab", "door").sha256 == cloud.sha256

@@ -89,3 +89,11 @@ def test_a_result_of_another_tenant_is_not_reused(transitions: JobTransitions) -
     add(transitions, work_key="w")
     transitions.succeed(claim(transitions), OUTCOME, "w")
     assert add(transitions, work_key="w", tenant="other").status == "queued"
+
+
+@pytest.mark.parametrize("missing", ["result", "inliers"])
+def test_a_result_whose_file_is_missing_is_computed_again(database: Database, missing: str) -> None:
+    transitions = open_transitions(database, is_stored=lambda sha256: sha256 != missing)
+    add(transitions, work_key="w")
+    assert transitions.succeed(claim(transitions), OUTCOME, "w")
+    assert add(transitions, work_key="w").status == "queued"

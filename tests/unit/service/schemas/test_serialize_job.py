@@ -7,7 +7,10 @@ import random
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pytest
+
 from service.clouds.inputs import CloudInput
+from service.problems import ExpiredError
 from service.schemas import Cloud, Event, Job
 from service.schemas.serialize_job import render_job, summarize_job
 from service.storage.blobs import BlobStore
@@ -59,6 +62,12 @@ def test_the_result_is_inserted_as_it_is(tmp_path: Path) -> None:
     plain = render_job(new_job(), blobs)
     assert plain.endswith(b',"result":null}')
     assert json.loads(plain).keys() == Job.model_fields.keys()
+
+
+def test_a_result_whose_file_is_missing_has_expired(tmp_path: Path) -> None:
+    job = new_job(status="succeeded", result_sha256="00" * 32)
+    with pytest.raises(ExpiredError, match="register the clouds again"):
+        render_job(job, BlobStore(tmp_path))
 
 
 def test_rows_are_read_by_their_attributes() -> None:

@@ -93,8 +93,11 @@ class Attempts:
 def attempts(tmp_path: Path) -> Iterator[Attempts]:
     database = open_database(f"sqlite:///{tmp_path / 'jobs.sqlite3'}")
     settings = Settings(data_dir=tmp_path, job_timeout_s=60)
-    transitions = open_transitions(database)
-    yield Attempts(JobQueries(database), transitions, BlobStore(tmp_path), settings)
+    transitions, blobs = open_transitions(database), BlobStore(tmp_path)
+    assert HERE.sha256 is not None
+    blobs.path(HERE.sha256).parent.mkdir()
+    blobs.path(HERE.sha256).write_bytes(b"1 2")
+    yield Attempts(JobQueries(database), transitions, blobs, settings)
     database.close()
 
 
@@ -194,6 +197,15 @@ def test_a_full_disk_costs_the_job_nothing_and_it_is_tried_again(
         job = attempts.run([Progress("decode", 0.05), last])
         assert (job.status, job.lost_attempts, job.interruptions) == ("queued", 0, number)
     assert attempts.run([attempts.success()]).status == "succeeded"
+
+
+def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
+    attempts.add(target=CloudInput(sha256="00" * 32, size=3))
+    job = attempts.run([])
+    assert job.status == "failed"
+    assert job.error is not None
+    assert (job.error["status"], job.error["type"]) == (410, "urn:mpe:problem:expired")
+    assert job.error["detail"].startswith("target: ")
 
 
 def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:
