@@ -14,6 +14,7 @@ from service.auth.authenticator import Authenticator
 from service.auth.keys import KeyStore
 from service.auth.quotas import StorageQuota
 from service.auth.rate_limit import RateLimiter
+from service.clouds.appends import ActiveAppends
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database
@@ -64,6 +65,7 @@ class Runtime:
     disk: DiskSpace
     rate_limiter: RateLimiter = field(default_factory=RateLimiter)
     in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
+    appends: ActiveAppends = field(default_factory=ActiveAppends)
 
     def submit(
         self,

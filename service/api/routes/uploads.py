@@ -5,6 +5,7 @@ Extensions: creation, expiration, termination. A complete upload is the cloud of
 
 from __future__ import annotations
 
+import asyncio
 import os
 from datetime import UTC, datetime
 from email.utils import format_datetime
@@ -22,6 +23,7 @@ from service.problems import (
     MalformedBodyError,
     TusVersionError,
     UnsupportedContentTypeError,
+    UploadConflictError,
 )
 from service.runtime import Runtime
 
@@ -135,12 +137,15 @@ async def append(
     upload = await run_in_threadpool(runtime.uploads.get, caller.tenant, upload_id)
     remaining = max(0, upload.length - upload_offset)
     announced = min(remaining, int(request.headers.get("content-length", remaining)))
+    if upload_offset == runtime.uploads.offset(upload):
+        await runtime.appends.interrupt(upload.id)  # its caller knows what has arrived: goes on
     with (
         reserve_disk(runtime, announced),
         runtime.uploads.open_at(upload, upload_offset) as file,
     ):
-        await _write_body(request, file, max_bytes=upload.length - upload_offset)
-        upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
+        async with runtime.appends.enter(upload.id) as limit:
+            await _write_body(request, file, limit, max_bytes=remaining)
+            upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
     return _tus_response(204, _state(upload, runtime))
 
 
@@ -159,13 +164,18 @@ def delete(upload_id: str, runtime: CurrentRuntime, caller: CurrentCaller) -> Re
     return _tus_response(204, {})
 
 
-async def _write_body(request: Request, file: BinaryIO, max_bytes: int) -> None:
+async def _write_body(
+    request: Request, file: BinaryIO, limit: asyncio.Timeout, max_bytes: int
+) -> None:
     try:
-        async for chunk in iter_body(request, max_bytes):
-            file.write(chunk)
-            file.flush()  # other requests read the offset from the file's length
+        async with limit:
+            async for chunk in iter_body(request, max_bytes):
+                file.write(chunk)
+                file.flush()  # other requests read the offset from the file's length
     except MalformedBodyError:
         return  # the connection was lost: keep what has arrived
+    except TimeoutError:
+        raise UploadConflictError("A later request goes on with this upload.") from None
     finally:
         await run_in_threadpool(os.fsync, file.fileno())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -111,5 +112,28 @@ def test_what_arrived_before_a_cut_stays(tmp_path: Path) -> None:
 
         assert (await send(client, url, 0, unannounced())).headers["Upload-Offset"] == "5"
         assert (await client.head(url, headers=TUS)).headers["Upload-Offset"] == "5"
+
+    on_api(tmp_path, use)
+
+
+def test_a_new_request_ends_the_silent_one_it_goes_on_from(tmp_path: Path) -> None:
+    async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
+        url = await begin(client, len(XYZ))
+        silent = asyncio.Event()
+
+        async def ghost() -> AsyncIterator[bytes]:
+            yield XYZ[:7]
+            silent.set()
+            await asyncio.sleep(60)
+
+        old = asyncio.create_task(send(client, url, 0, ghost()))
+        await silent.wait()
+        await asyncio.sleep(0.2)
+        assert (await client.head(url, headers=TUS)).headers["Upload-Offset"] == "7"
+        assert (await send(client, url, 3, XYZ[3:])).status_code == 409
+        assert not old.done()
+        assert (await send(client, url, 7, XYZ[7:])).status_code == 204
+        old.cancel()
+        assert (await client.get(url.replace("uploads", "clouds"))).json()["size"] == len(XYZ)
 
     on_api(tmp_path, use)
