@@ -37,6 +37,7 @@ from service.telemetry.recorder import Telemetry
 from service.telemetry.tracing import Tracing
 from service.webhooks.outbox import Outbox
 from service.webhooks.sender import WebhookSender
+from service.workers.child import stop_forkserver
 from service.workers.exporter import Exporter
 from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
@@ -150,6 +151,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             storage_quota=StorageQuota(database),
             disk=disk,
         )
+        stack.callback(stop_forkserver)
         for part in (
             runtime.workers,
             Maintenance(_maintenance_tasks(runtime), settings.maintenance_interval_s),

@@ -14,7 +14,7 @@ from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.scratch import discard_scratch
 from service.telemetry.json_logs import job_context
-from service.workers.child import Child, prepare_forkserver
+from service.workers.child import Child, NoProcessError, prepare_forkserver
 from service.workers.supervisor import LEASE_S, AttemptSupervisor
 
 POLL_INTERVAL_S = 1.0
@@ -36,6 +36,7 @@ class WorkerPool:
         self._stopping = threading.Event()
         self._stopped = threading.Event()
         self._warm = threading.Event()
+        self._failures: dict[str, str] = {}
         self._threads = [
             threading.Thread(target=self._serve, name=f"worker-{i}", daemon=True)
             for i in range(settings.workers)
@@ -44,7 +45,13 @@ class WorkerPool:
     @property
     def is_ready(self) -> bool:
         """Whether jobs start at once."""
-        return self._warm.is_set() and not self._stopping.is_set()
+        can_start = len(self._failures) < len(self._threads)
+        return self._warm.is_set() and can_start and not self._stopping.is_set()
+
+    @property
+    def failure(self) -> str | None:
+        """Why a worker cannot start a process; None where all can, or have not tried yet."""
+        return next(iter(self._failures.values()), None)
 
     @property
     def is_stopping(self) -> bool:
@@ -105,13 +112,28 @@ class WorkerPool:
         )
         while not self._stopping.is_set():
             try:
-                if supervisor.spare.is_ready():
-                    self._warm.set()
-                self._work_or_wait(supervisor)
+                if self._prepare(supervisor):
+                    self._work_or_wait(supervisor)
             except Exception:
                 log.exception("a worker thread met an unexpected error and goes on")
                 self._stopping.wait(POLL_INTERVAL_S)
         supervisor.spare.close()
+
+    def _prepare(self, supervisor: AttemptSupervisor) -> bool:
+        """Wait a moment for the next process; return whether it is ready."""
+        name = threading.current_thread().name
+        try:
+            is_ready = supervisor.spare.wait_until_ready(POLL_INTERVAL_S)
+        except NoProcessError as error:
+            if self._failures.get(name) != str(error):
+                log.error("a worker cannot start a process, and tries again: %s", error)
+            self._failures[name] = str(error)
+            self._stopping.wait(POLL_INTERVAL_S)
+            return False
+        if is_ready:
+            self._failures.pop(name, None)
+            self._warm.set()
+        return is_ready
 
     def _work_or_wait(self, supervisor: AttemptSupervisor) -> None:
         job = self._transitions.claim(lease_s=LEASE_S)

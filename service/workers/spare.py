@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-
-from service.workers.child import Child, ChildLostError
+from service.workers.child import START_TIMEOUT_S, Child, NoProcessError
 
 
 class SpareChild:
@@ -18,28 +16,37 @@ class SpareChild:
         """Start the next child unless there is one; do not wait until it is ready."""
         if self._next is None or not self._next.is_alive:
             self._discard_next()
-            with contextlib.suppress(ChildLostError):
-                self._next = Child()
+            self._next = Child()
 
-    def is_ready(self) -> bool:
-        """Start the next child if needed, wait for it, and return whether it is ready."""
+    def wait_until_ready(self, timeout_s: float) -> bool:
+        """Start the next child if needed, and return whether it is ready within the time.
+
+        Raises
+        ------
+        NoProcessError
+            It could not be started.
+        """
         self.start()
-        if self._next is not None and not self._next.wait_until_ready():
+        assert self._next is not None  # noqa: S101
+        try:
+            return self._next.wait_until_ready(timeout_s)
+        except NoProcessError:
             self._discard_next()
-        return self._next is not None
+            raise
 
     def take(self) -> Child:
         """Return the next child once it is ready.
 
         Raises
         ------
-        ChildLostError
+        NoProcessError
             No child could be started.
         """
-        self.is_ready()
+        if not self.wait_until_ready(START_TIMEOUT_S):
+            self._discard_next()
+            raise NoProcessError(f"a process was not ready after {START_TIMEOUT_S:g} s")
         child, self._next = self._next, None
-        if child is None:
-            raise ChildLostError("no process could be started")
+        assert child is not None  # noqa: S101
         return child
 
     def close_later(self, child: Child) -> None:

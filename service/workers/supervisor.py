@@ -28,7 +28,7 @@ from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.scratch import scratch_folder
 from service.workers.attempt_limits import AttemptLimits
-from service.workers.child import Child, ChildLostError
+from service.workers.child import Child, ChildLostError, NoProcessError
 from service.workers.fetch_inputs import FetchInputs, needs_fetching
 from service.workers.messages import (
     Answer,
@@ -79,6 +79,10 @@ class AttemptSupervisor:
                 if not is_disk_full(error):
                     raise
                 self._interrupt_on_full_disk(job)
+            except NoProcessError as error:
+                reason = str(error)
+                _retry_while_unavailable(lambda: self.transitions.interrupt(job, reason))
+                log.warning("attempt %d was interrupted: %s", job.attempt, reason)
             except ChildLostError as lost:
                 reason = str(lost)
                 if _retry_while_unavailable(

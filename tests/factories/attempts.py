@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from service.workers.child import ChildLostError
+from service.workers.child import ChildLostError, NoProcessError
 from service.workers.messages import Message
 from service.workers.task import Task
 
@@ -22,7 +22,7 @@ class FakeChild:
         self.is_killed = False
         self.is_closed = False
 
-    def wait_until_ready(self) -> bool:
+    def wait_until_ready(self, timeout_s: float = 0.0) -> bool:
         return True
 
     def send_task(self, task: Task) -> None:
@@ -65,7 +65,7 @@ class FakeSpare:
 
     def take(self) -> FakeChild:
         if not self._waiting:
-            raise ChildLostError("no process could be started")
+            raise NoProcessError("no process could be started")
         return self._waiting.pop(0)
 
     def close_later(self, child: FakeChild) -> None:

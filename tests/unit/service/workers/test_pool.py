@@ -15,6 +15,7 @@ from service.jobs.queries import JobQueries
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers import pool as module
+from service.workers.child import NoProcessError
 from service.workers.pool import WorkerPool
 from tests.factories.attempts import FakeChild
 from tests.factories.jobs import TENANT, add, claim, open_transitions
@@ -25,6 +26,7 @@ class FakeSupervisor:
     """Works on a job until its child is killed, or fails as the test wants."""
 
     error: Exception | None = None
+    failure: str | None = None
 
     def __init__(
         self, transitions: Any, blobs: Any, settings: Any, started: Callable[[JobRow, Any], None]
@@ -33,7 +35,9 @@ class FakeSupervisor:
         self._started = started
         self.spare = self
 
-    def is_ready(self) -> bool:
+    def wait_until_ready(self, timeout_s: float) -> bool:
+        if FakeSupervisor.failure is not None:
+            raise NoProcessError(FakeSupervisor.failure)
         return True
 
     def close(self) -> None:
@@ -132,3 +136,21 @@ def test_what_a_killed_service_left_is_taken_up(database: Database, pool: Worker
     left = claim(transitions)
     pool.start()
     until(lambda: pool._running.get(left.id, (left,))[0].attempt == 2)
+
+
+def test_workers_that_cannot_start_say_why_and_claim_nothing(
+    database: Database,
+    pool: WorkerPool,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    add(open_transitions(database))
+    monkeypatch.setattr(FakeSupervisor, "failure", "a library is missing")
+    pool.start()
+    until(lambda: caplog.text.count("a library is missing") == 2)
+    assert (pool.is_ready, pool.failure) == (False, "a library is missing")
+    assert statuses(database) == [1, 0]
+    monkeypatch.setattr(FakeSupervisor, "failure", None)
+    until(lambda: statuses(database) == [0, 1])
+    assert (pool.is_ready, pool.failure) == (True, None)
+    assert caplog.text.count("a library is missing") == 2

@@ -21,7 +21,7 @@ class Children:
 
     def __call__(self) -> Any:
         child = FakeChild()
-        child.wait_until_ready = lambda: self.are_ready  # type: ignore[method-assign]
+        child.wait_until_ready = lambda timeout_s: self.are_ready  # type: ignore[method-assign]
         child.is_alive = True  # type: ignore[attr-defined]
         self.made.append(child)
         return child
@@ -38,7 +38,7 @@ def test_a_child_is_started_once_until_it_is_taken(children: Children) -> None:
     spare = SpareChild()
     spare.start()
     spare.start()
-    assert spare.is_ready()
+    assert spare.wait_until_ready(1.0)
     assert spare.take() is children.made[0]
     assert len(children.made) == 1
     assert spare.take() is children.made[1]
