@@ -211,9 +211,8 @@ class Child:
                     break
                 except (OSError, EOFError) as error:
                     if not tries_left or _is_stopped.is_set():
-                        raise NoProcessError(
-                            f"a process could not be started: {error!r}"
-                        ) from error
+                        reason = f"a process could not be started: {error!r}"
+                        raise NoProcessError(reason) from error
                     time.sleep(START_PAUSE_S)
         _forkservers_that_answered.add(_forkserver_pid())
         with self._lock:

@@ -29,6 +29,7 @@ class IdleWorkers:
 
     def __init__(self, *_: object) -> None:
         self.is_ready = True
+        self.failure: str | None = None
         self.is_stopping = False
         self.is_stopped = False
         self.killed: list[str] = []

@@ -31,7 +31,8 @@ async def livez() -> Health:
 async def readyz(runtime: CurrentRuntime) -> Health:
     """Return 200 when workers, database and disk are ready, and 503 otherwise or while stopping."""
     if not runtime.workers.is_ready:
-        raise NotReadyError("The workers are not ready; retry later.", retry_after_s=1)
+        reason = runtime.workers.failure or "they are starting, or the service is stopping"
+        raise NotReadyError(f"The workers are not ready: {reason}. Retry later.", retry_after_s=1)
     if runtime.disk.is_short:
         raise OverloadedError("Too little disk is left; retry later.")
     try:
