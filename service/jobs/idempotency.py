@@ -18,17 +18,17 @@ class Idempotency:
 
 
 class InFlightKeys:
-    """Keys whose first request has not been answered yet; the database knows those of others.
+    """Keys whose first request is not stored yet; the database knows those of others.
 
     Belongs to one event loop.
     """
 
     def __init__(self) -> None:
-        self._keys: set[tuple[str, str]] = set()
+        self._holders: dict[tuple[str, str], object] = {}
 
     @contextmanager
     def lock(self, tenant: str, key: str | None) -> Iterator[None]:
-        """Lock the tenant's key while its request is under way; without a key do nothing.
+        """Lock the tenant's key until `release`, or the end of the context; None locks nothing.
 
         Raises
         ------
@@ -38,13 +38,18 @@ class InFlightKeys:
         if key is None:
             yield
             return
-        if (tenant, key) in self._keys:
+        if (tenant, key) in self._holders:
             raise IdempotencyInFlightError(
-                "The first request with this Idempotency-Key has not been answered yet; "
-                "retry later."
+                "The first request with this Idempotency-Key is still being accepted; retry later."
             )
-        self._keys.add((tenant, key))
+        holder = object()
+        self._holders[tenant, key] = holder
         try:
             yield
         finally:
-            self._keys.discard((tenant, key))
+            if self._holders.get((tenant, key)) is holder:  # not that of a request after `release`
+                self.release(tenant, key)
+
+    def release(self, tenant: str, key: str) -> None:
+        """Free a locked key, because its request is stored: who repeats it gets the same answer."""
+        self._holders.pop((tenant, key), None)

@@ -85,6 +85,8 @@ async def create(
         None if key is None else Idempotency(key, submission.fingerprint()),
         tenant_queue_limit=caller.limits.queue_limit,
     )
+    if key is not None:
+        runtime.in_flight_keys.release(caller.tenant, key)
     if wait_s is not None:
         job = await wait_until_ended(runtime, caller.tenant, job.id, wait_s) or job
     return await _accepted_response(job, wait_s, runtime)

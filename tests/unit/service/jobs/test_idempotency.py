@@ -40,3 +40,22 @@ def test_requests_without_a_key_do_not_exclude_each_other() -> None:
     keys = InFlightKeys()
     with keys.lock("lab", None), keys.lock("lab", None):
         pass
+
+
+def test_a_key_is_free_once_its_request_is_stored() -> None:
+    keys = InFlightKeys()
+    with keys.lock("lab", "k"):
+        keys.release("lab", "k")
+        with keys.lock("lab", "k"):
+            pass
+
+
+def test_a_request_frees_no_key_that_another_one_has_taken_since() -> None:
+    keys = InFlightKeys()
+    first = keys.lock("lab", "k")
+    first.__enter__()
+    keys.release("lab", "k")
+    with keys.lock("lab", "k"):
+        first.__exit__(None, None, None)
+        with pytest.raises(IdempotencyInFlightError), keys.lock("lab", "k"):
+            pass

@@ -205,3 +205,26 @@ def test_events_end_with_the_registration(tmp_path: Path) -> None:
         assert '"status":"succeeded"' in later.text
 
     on_api(tmp_path, use)
+
+
+def test_a_key_answers_while_its_first_request_still_waits(tmp_path: Path) -> None:
+    """The first connection was cut, perhaps; whoever repeats the request does not wait for it."""
+
+    async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
+        headers = {"Idempotency-Key": "k"}
+        waiting = asyncio.create_task(
+            client.post(PATH, files=FILES, headers=headers | {"Prefer": "wait=60"})
+        )
+        while not (rows := runtime.jobs.page("default", limit=1)):
+            await asyncio.sleep(0.01)
+        for _ in range(50):
+            again = await client.post(PATH, files=FILES, headers=headers)
+            if again.status_code != 409:
+                break
+            await asyncio.sleep(0.05)
+        assert (again.status_code, again.json()["id"]) == (202, rows[0].id)
+        assert not waiting.done()
+        runtime.cancel(rows[0].id)
+        assert (await waiting).json()["id"] == rows[0].id
+
+    on_api(tmp_path, use)
