@@ -38,6 +38,7 @@ from service.telemetry.tracing import Tracing
 from service.webhooks.outbox import Outbox
 from service.webhooks.sender import WebhookSender
 from service.workers.child import stop_forkserver
+from service.workers.export_gate import ExportGate
 from service.workers.exporter import Exporter
 from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
@@ -66,6 +67,7 @@ class Runtime:
     disk: DiskSpace
     rate_limiter: RateLimiter = field(default_factory=RateLimiter)
     in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
+    export_gate: ExportGate = field(default_factory=ExportGate)
     appends: ActiveAppends = field(default_factory=ActiveAppends)
 
     def submit(

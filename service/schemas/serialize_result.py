@@ -15,8 +15,8 @@ from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, Rota
 INLIER_DTYPE = np.dtype([("source", "<i8"), ("target", "<i8"), ("distance", "<f8")])
 """Row of the inliers' .npy file."""
 
-ROWS_PER_CHUNK = 50_000
-"""Inlier rows rendered at once, to bound the memory of a response."""
+ROWS_PER_CHUNK = 4000
+"""Inlier rows rendered at once: meanwhile no other thread of the process runs."""
 
 
 def render_result(found: Registration) -> bytes:

@@ -30,7 +30,7 @@ from service.workers.task import TaskEnvironment
 MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
 MAX_WAITING = 8
-"""Further exports that wait for their turn; each holds one of the 40 threads of the API."""
+"""Further exports that wait in a thread; those of the API wait before, in `ExportGate`."""
 
 
 class ExportError(ServiceError):

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import FileResponse
+from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import CurrentRuntime, RequestedJob
+from service.api.disconnect import unless_disconnected
+from service.api.threads import OwnThreads
+from service.jobs.model import JobRow
 from service.problems import ExpiredError, ResultNotReadyError
+from service.runtime import Runtime
+from service.workers.exporter import MAX_RUNNING
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 FILE = "application/octet-stream"
+_EXPORTS = OwnThreads(MAX_RUNNING)
 
 
-def _export(
+async def _export(
+    request: Request,
     job: RequestedJob,
     runtime: CurrentRuntime,
     format: Annotated[
@@ -30,8 +39,24 @@ def _export(
             description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."
         ),
     ] = False,
-) -> Iterator[Path]:
+) -> AsyncIterator[Path]:
     """Write the file and remove it once the response has been sent."""
+    export = await run_in_threadpool(_prepare, job, runtime, format, merged)
+    with ExitStack() as file:
+        await unless_disconnected(request, runtime.export_gate.acquire(job.tenant))
+        try:
+            path = await _EXPORTS.run(lambda: file.enter_context(export))
+        finally:
+            runtime.export_gate.release(job.tenant)
+        try:
+            yield path
+        finally:
+            await run_in_threadpool(file.close)
+
+
+def _prepare(
+    job: JobRow, runtime: Runtime, format: str, merged: bool
+) -> AbstractContextManager[Path]:
     if job.status != "succeeded":
         raise ResultNotReadyError(
             f"The registration is {job.status}; only a result can be applied."
@@ -41,8 +66,7 @@ def _export(
     if result is None or not all(path and path.exists() for path in (result, *clouds)):
         raise ExpiredError("The result or a cloud has expired; register the clouds again.")
     transform = json.loads(result.read_bytes())["transform"]
-    with runtime.exporter.export(job, transform, format=format, merged=merged) as path:
-        yield path
+    return runtime.exporter.export(job, transform, format=format, merged=merged)
 
 
 @router.get(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from functools import lru_cache
 
-from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Depends, Response
 from fastapi.responses import PlainTextResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 
 from service.api.dependencies import CurrentCaller, CurrentRuntime, identify
+from service.api.threads import OwnThreads
 from service.problems import NotReadyError, OverloadedError
 from service.schemas import Capacity, Health, TenantUsage
 
@@ -18,7 +17,7 @@ router = APIRouter(tags=["health"])
 
 DATABASE_TIMEOUT_S = 2.0
 """Time that the database has to answer a probe, in seconds; probes give up after 3 to 5 s."""
-PROBE_THREADS = 2
+_PROBES = OwnThreads(2)
 
 
 @router.get("/livez", operation_id="getLiveness", summary="Is the process alive?")
@@ -37,22 +36,10 @@ async def readyz(runtime: CurrentRuntime) -> Health:
         raise OverloadedError("Too little disk is left; retry later.")
     try:
         async with asyncio.timeout(DATABASE_TIMEOUT_S):
-            await to_thread.run_sync(
-                runtime.jobs.count, "queued", limiter=_probe_threads(), abandon_on_cancel=True
-            )
+            await _PROBES.run(lambda: runtime.jobs.count("queued"), abandon=True)
     except TimeoutError:
         raise NotReadyError("The database does not answer; retry later.") from None
     return Health()
-
-
-@lru_cache(maxsize=1)
-def _limiter_of(_: asyncio.AbstractEventLoop) -> CapacityLimiter:
-    return CapacityLimiter(PROBE_THREADS)
-
-
-def _probe_threads() -> CapacityLimiter:
-    """Return the probes' own threads: those that the routes share may all be busy."""
-    return _limiter_of(asyncio.get_running_loop())
 
 
 @router.get(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import AsyncIterator, Iterator
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 
 from service.api.dependencies import CurrentRuntime, RequestedJob
+from service.api.threads import OwnThreads
 from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
 from service.schemas.serialize_result import iter_inliers_json
@@ -17,6 +19,7 @@ from service.schemas.serialize_result import iter_inliers_json
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 NPY = "application/x-npy"
+_RENDERING = OwnThreads(1)
 
 
 @router.get(
@@ -52,9 +55,14 @@ def get_inliers(
         return FileResponse(array, media_type=NPY, filename=f"{job.id}-inliers.npy")
     rows = np.load(array, mmap_mode="r", allow_pickle=False)
     result = json.loads(runtime.blobs.path(job.result_sha256).read_bytes())
-    return StreamingResponse(
-        iter_inliers_json(rows, result["inliers"]["threshold"]), media_type="application/json"
-    )
+    chunks = iter_inliers_json(rows, result["inliers"]["threshold"])
+    return StreamingResponse(_render(chunks), media_type="application/json")
+
+
+async def _render(chunks: Iterator[str]) -> AsyncIterator[str]:
+    """Yield the chunks; all responses together use one thread, which leaves turns to others."""
+    while (chunk := await _RENDERING.run(lambda: next(chunks, None))) is not None:
+        yield chunk
 
 
 def _preferred_format(accept: str) -> Literal["json", "npy"]:

@@ -6,7 +6,7 @@ import re
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query, Request, Response
 from pydantic import BeforeValidator
 from starlette.concurrency import run_in_threadpool
 
@@ -20,6 +20,7 @@ from service.api.dependencies import (
     RequestedPage,
     require_job,
 )
+from service.api.disconnect import unless_disconnected
 from service.api.error_handlers import ProblemResponse
 from service.api.long_poll import wait_until_ended
 from service.database.pagination import cut_page
@@ -67,6 +68,7 @@ _BODY: dict[str, Any] = {
     openapi_extra=_BODY,
 )
 async def create(
+    request: Request,
     submission: NewSubmission,
     key: IdempotencyKey,
     wait_s: PreferredWait,
@@ -88,7 +90,9 @@ async def create(
     if key is not None:
         runtime.in_flight_keys.release(caller.tenant, key)
     if wait_s is not None:
-        job = await wait_until_ended(runtime, caller.tenant, job.id, wait_s) or job
+        wait = wait_until_ended(runtime, caller.tenant, job.id, wait_s)
+        ended = await unless_disconnected(request, wait)
+        job = ended or job
     return await _accepted_response(job, wait_s, runtime)
 
 
@@ -129,10 +133,15 @@ def list_registrations(
     response_model=Job,
 )
 async def get(
-    job_id: str, wait_s: PreferredWait, runtime: CurrentRuntime, caller: CurrentCaller
+    request: Request,
+    job_id: str,
+    wait_s: PreferredWait,
+    runtime: CurrentRuntime,
+    caller: CurrentCaller,
 ) -> Response:
     """Return the job as it is now, or with `Prefer: wait=N` as soon as it has ended."""
-    job = require_job(await wait_until_ended(runtime, caller.tenant, job_id, wait_s or 0.0))
+    wait = wait_until_ended(runtime, caller.tenant, job_id, wait_s or 0.0)
+    job = require_job(await (unless_disconnected(request, wait) if wait_s else wait))
     return await _job_response(job, wait_s, runtime)
 
 

@@ -1,0 +1,34 @@
+"""Threads of one kind of call, apart from those that all routes share."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TypeVar
+from weakref import WeakKeyDictionary
+
+from anyio import CapacityLimiter, to_thread
+
+T = TypeVar("T")
+
+
+class OwnThreads:
+    """At most `count` threads at once; calls wait for each other, and for no other call.
+
+    Parameters
+    ----------
+    count : int
+        Threads of one event loop.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._limiters: WeakKeyDictionary[asyncio.AbstractEventLoop, CapacityLimiter] = (
+            WeakKeyDictionary()
+        )
+
+    async def run(self, function: Callable[[], T], *, abandon: bool = False) -> T:
+        """Call the function in a thread; `abandon` leaves it there when the caller is cancelled."""
+        loop = asyncio.get_running_loop()
+        limiter = self._limiters.setdefault(loop, CapacityLimiter(self._count))
+        return await to_thread.run_sync(function, limiter=limiter, abandon_on_cancel=abandon)
