@@ -6,6 +6,8 @@ and stores it while it arrives. Both use the callbacks of python-multipart.
 
 from __future__ import annotations
 
+import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from typing import Self, TypeVar
 
@@ -21,6 +23,12 @@ from service.storage.blobs import Blob, BlobStore, BlobWriter
 MAX_FORM_FIELDS = 16
 MAX_TEXT_BYTES = 1 << 18
 """Longest JSON body and longest text field of a form, in bytes."""
+
+MAX_BOUNDARY_BYTES = 70
+"""Longest boundary of a form (RFC 2046, 5.1.1)."""
+STEP_BYTES = 2048
+MAX_STEP_S = 0.001
+"""A form is parsed in steps; after so many seconds other requests get their turn."""
 
 FormFields = dict[str, Blob | str]
 T = TypeVar("T")
@@ -93,16 +101,29 @@ async def read_multipart(
     _, parameters = parse_options_header(request.headers["content-type"])
     with _MultipartForm(parameters.get(b"boundary", b""), blobs) as form:
         async for chunk in iter_body(request, max_bytes):
-            form.feed(chunk)
+            await _feed_in_steps(form, chunk)
         return await run_in_threadpool(lambda: parse(form.commit()))
+
+
+async def _feed_in_steps(form: _MultipartForm, chunk: bytes) -> None:
+    """Parse a chunk; other requests get their turn before a costly one has taken long."""
+    since = time.perf_counter()
+    for start in range(0, len(chunk), STEP_BYTES):
+        form.feed(chunk[start : start + STEP_BYTES])
+        if time.perf_counter() - since > MAX_STEP_S:
+            await asyncio.sleep(0)
+            since = time.perf_counter()
 
 
 class _MultipartForm:
     """Receiver of the parser's callbacks; writes each file to the blob store while it arrives."""
 
     def __init__(self, boundary: bytes, blobs: BlobStore) -> None:
-        if not boundary:
-            raise MalformedBodyError("The content type multipart/form-data names no boundary.")
+        if not 1 <= len(boundary) <= MAX_BOUNDARY_BYTES:
+            raise MalformedBodyError(
+                "The content type multipart/form-data must name a boundary of 1 to "
+                f"{MAX_BOUNDARY_BYTES} characters."
+            )
         self._blobs = blobs
         self._fields: dict[str, BlobWriter | bytearray] = {}
         self._field: BlobWriter | bytearray = bytearray()

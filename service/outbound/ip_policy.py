@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Sequence
 from ipaddress import (
     IPv4Address,
@@ -11,6 +12,8 @@ from ipaddress import (
     ip_address,
     ip_network,
 )
+
+import psutil
 
 Address = IPv4Address | IPv6Address
 Network = IPv4Network | IPv6Network
@@ -45,10 +48,39 @@ _ISATAP = (0x00005EFE, 0x02005EFE)
 
 
 def is_allowed(address: Address, networks: Sequence[Network]) -> bool:
-    """Tell whether an address is public or in one of the networks, and serves no metadata."""
+    """Tell whether an address is public or in one of the networks, and serves no metadata.
+
+    A public address of this machine is not public: it leads past the machine's firewall.
+    """
     if address in METADATA:
         return False
-    return _is_public(address) or any(address in network for network in networks)
+    if any(address in network for network in networks):
+        return True
+    return _is_public(address) and not is_own(address)
+
+
+def is_own(address: Address) -> bool:
+    """Tell whether an interface of this machine has the address."""
+    own = {
+        entry.address.partition("%")[0]
+        for entries in psutil.net_if_addrs().values()
+        for entry in entries
+        if entry.family in (socket.AF_INET, socket.AF_INET6)
+    }
+    if address in map(ip_address, own):
+        return True
+    return _routes_to_itself(address)
+
+
+def _routes_to_itself(address: Address) -> bool:
+    """Ask the kernel's routing: it reaches an address of its own from that very address."""
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((str(address), 9))  # sends nothing
+            return ip_address(probe.getsockname()[0].partition("%")[0]) == address
+    except OSError:
+        return False  # no route: the connection will say so
 
 
 def _is_public(address: Address) -> bool:

@@ -82,6 +82,34 @@ def test_a_form_needs_a_boundary(tmp_path: Path) -> None:
         parsed(tmp_path, [b""], {"Content-Type": "multipart/form-data"})
 
 
+def test_a_boundary_is_not_longer_than_the_standard_allows(tmp_path: Path) -> None:
+    content_type = f"multipart/form-data; boundary={'b' * 10_000}"
+    with pytest.raises(MalformedBodyError, match="70"):
+        parsed(tmp_path, [b""], {"Content-Type": content_type})
+
+
+def test_a_costly_form_leaves_turns_to_others(tmp_path: Path) -> None:
+    """Near-boundaries are the costliest to parse."""
+    chunk = b"\r\n--b0unX\r\n-" * 20_000
+    body = form(part("source", chunk, filename="a"))
+    turns = 0
+
+    async def count() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0)
+
+    async def run() -> None:
+        counting = asyncio.create_task(count())
+        request = request_of([body], FORM_TYPE)
+        await read_multipart(request, BlobStore(tmp_path), 10 * len(body), dict)
+        counting.cancel()
+
+    asyncio.run(run())
+    assert turns > 10
+
+
 def test_a_text_field_is_bounded_by_itself(tmp_path: Path) -> None:
     request = request_of([form(part("options", bytes(MAX_TEXT_BYTES + 1)))], FORM_TYPE)
     reading = read_multipart(request, BlobStore(tmp_path), 10 * MAX_TEXT_BYTES, dict)

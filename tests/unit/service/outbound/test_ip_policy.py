@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import socket
 from ipaddress import ip_address, ip_network
+from types import SimpleNamespace
 
+import psutil
 import pytest
 
+from service.outbound import ip_policy
 from service.outbound.ip_policy import METADATA, is_allowed
 
 NOT_PUBLIC = [
@@ -88,3 +92,21 @@ def test_addresses_of_a_network_that_is_named_are_allowed() -> None:
 def test_metadata_of_the_machine_is_never_allowed(address: str) -> None:
     everything = (ip_network("0.0.0.0/0"), ip_network("::/0"))
     assert not is_allowed(ip_address(address), everything)
+
+
+@pytest.mark.parametrize("own", ["203.0.114.7", "2a00:1450::7"])
+def test_a_public_address_of_this_machine_is_refused(
+    monkeypatch: pytest.MonkeyPatch, own: str
+) -> None:
+    address = ip_address(own)
+    assert is_allowed(address, ())
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6
+    entry = SimpleNamespace(family=family, address=own)
+    monkeypatch.setattr(psutil, "net_if_addrs", lambda: {"eth0": [entry]})
+    assert not is_allowed(address, ())
+    assert is_allowed(address, (ip_network(f"{own}/{address.max_prefixlen}"),))
+
+
+def test_addresses_of_this_machine_are_known_to_routing() -> None:
+    assert ip_policy._routes_to_itself(ip_address("127.0.0.1"))
+    assert not ip_policy._routes_to_itself(ip_address("198.41.0.4"))
