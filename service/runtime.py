@@ -168,7 +168,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
 def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
     """Return the tasks in their order: what makes room first, rows before the files they need."""
     settings, database = runtime.settings, runtime.database
-    decoded = DecodedCache(settings.data_dir / "prepared")
+    decoded = DecodedCache(settings.data_dir)
 
     def collect_blobs() -> None:
         removed = runtime.blobs.collect(

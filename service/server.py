@@ -22,6 +22,8 @@ from service.database.store import check_store
 from service.runtime import Runtime
 from service.settings import Settings, load_settings, log_renamed_variables
 from service.telemetry.json_logs import configure_logs
+from service.workers.sandbox.confinement import check_sandbox
+from service.workers.sandbox.limits import forbid_inspection
 
 log = logging.getLogger(__name__)
 
@@ -85,11 +87,15 @@ def serve(settings: Settings, host: str = "127.0.0.1", port: int = 8000) -> None
         Other machines could reach the address, and there are no keys.
     StoreLostError
         The job store is missing, empty or damaged.
+    SandboxError
+        MPE_REQUIRE_SANDBOX is set, and the kernel lacks a part of the sandbox.
     """
     check_store(settings)
     check_binding(host, settings)
     configure_logs(settings.log_level)
     log_renamed_variables()
+    forbid_inspection()
+    check_sandbox(is_required=settings.require_sandbox)
     sys.setswitchinterval(GIL_SWITCH_INTERVAL_S)
     app = create_app(settings)
     # keep the imported objects out of full collections, which would stop the event loop for 60 ms

@@ -261,6 +261,10 @@ class Settings(BaseSettings):
     """Maximum address space of one worker, in bytes. Default: 80 % of the memory divided by the
     workers.
     """
+    require_sandbox: bool = False
+    """Whether to refuse to start where the kernel lacks a part of the sandbox, Landlock or
+    seccomp.
+    """
     shutdown_grace_s: NonNegativeFloat = 30
     """Time that running registrations have to end after SIGTERM, in seconds."""
     result_retention_s: PositiveFloat = 7 * DAY_S

@@ -1,4 +1,4 @@
-"""The commands of `mpe`: align, serve, keys."""
+"""The commands of `mpe`: align, serve, keys, doctor."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ from service.settings import InvalidSettingsError, load_settings
 def run_command(arguments: Sequence[str]) -> int:
     """Parse the arguments, run the command and return its exit code."""
     parsed = _parser().parse_args(protect_negative_numbers(arguments))
-    return {"align": _align, "serve": _serve, "keys": _keys}[parsed.command](parsed)
+    commands = {"align": _align, "serve": _serve, "keys": _keys, "doctor": _doctor}
+    return commands[parsed.command](parsed)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -60,6 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
     add_keys(commands)
+    commands.add_parser("doctor", help="print what this system has of the sandbox")
     return parser
 
 
@@ -137,10 +139,11 @@ def _serve(arguments: argparse.Namespace) -> int:
     from service.auth.bind_check import UnprotectedBindError
     from service.database.store import StoreLostError
     from service.server import serve  # loads the service, which `mpe align` does without
+    from service.workers.sandbox.confinement import SandboxError
 
     try:
         serve(load_settings(), arguments.host, arguments.port)
-    except (InvalidSettingsError, UnprotectedBindError) as error:
+    except (InvalidSettingsError, UnprotectedBindError, SandboxError) as error:
         return _fail(str(error), EXIT_USAGE)
     except (NotReadyError, StoreLostError) as error:
         return _fail(str(error), EXIT_ERROR)
@@ -155,6 +158,14 @@ def _keys(arguments: argparse.Namespace) -> int:
     except (ValueError, RuntimeError, OSError, NotReadyError) as error:
         return _fail(str(error), EXIT_ERROR)
     return EXIT_OK
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    from service.workers.sandbox.confinement import describe_sandbox, missing_parts
+
+    print(describe_sandbox())
+    missing = missing_parts()
+    return _fail(f"this system lacks {'; '.join(missing)}", EXIT_ERROR) if missing else EXIT_OK
 
 
 def _fail(message: str, code: int) -> int:

@@ -1,4 +1,4 @@
-"""Download of one file into the blob store.
+"""Download of one file.
 
 A cached file is asked for only if it has changed (RFC 9110, section 13). A transfer that was cut
 is continued where it stopped, if the server promises that the rest belongs to the same file
@@ -11,6 +11,8 @@ import re
 import time
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from pathlib import Path
+from typing import BinaryIO
 
 from service.outbound.client import OutboundClient, OutboundResponse
 from service.outbound.deadline import TransferDeadline, TransferLimits
@@ -21,9 +23,8 @@ from service.outbound.errors import (
     FetchTooLargeError,
     FetchUnreachableError,
 )
-from service.outbound.http_cache import CachedFile, HttpCache, Validators
+from service.outbound.http_cache import CachedFile, HttpCache, Validators, hash_key
 from service.outbound.urls import Url
-from service.storage.blobs import Blob, BlobStore, BlobWriter
 
 RETRY_PAUSES_S = (0.2, 0.5, 1.0, 2.0)
 """Seconds before each further attempt after a cut."""
@@ -92,6 +93,37 @@ def announced_size(response: OutboundResponse) -> int:
     return int(match[0]) if match else 0
 
 
+@dataclass(frozen=True, slots=True)
+class Download:
+    """How a download ended."""
+
+    key: str
+    """Key in the cache of the URL that the file came from, see `hash_key`."""
+    validators: Validators
+    is_cached: bool
+    """Whether the cached file is still current, so that nothing was written."""
+
+
+@dataclass(slots=True)
+class PartFile:
+    """A file that is being written, and begun again if need be."""
+
+    file: BinaryIO
+    size: int = 0
+    """Number of bytes written so far."""
+
+    def write(self, chunk: bytes) -> None:
+        """Append a chunk."""
+        self.file.write(chunk)
+        self.size += len(chunk)
+
+    def restart(self) -> None:
+        """Drop what was written so far and begin again."""
+        self.file.seek(0)
+        self.file.truncate()
+        self.size = 0
+
+
 @dataclass(slots=True)
 class Transfer:
     """State of one download, kept across its attempts."""
@@ -99,7 +131,7 @@ class Transfer:
     url: Url
     cache_key: str
     cache: HttpCache
-    writer: BlobWriter
+    writer: PartFile
     max_bytes: int
     partial: PartialFile | None = None
     revalidated: dict[Url, CachedFile] = field(default_factory=dict)
@@ -107,7 +139,7 @@ class Transfer:
 
     def key_of(self, url: Url) -> str:
         """Return the key that the file at this URL, the first or a redirect, is cached under."""
-        return self.cache_key if url == self.url else str(url)
+        return hash_key(self.cache_key if url == self.url else str(url))
 
     def headers_for(self, url: Url) -> dict[str, str]:
         """Return the request headers: the rest of a partial file, or a changed file only."""
@@ -155,14 +187,14 @@ class Transfer:
 def download(
     client: OutboundClient,
     url: Url,
-    blobs: BlobStore,
+    output: Path,
     cache: HttpCache,
     *,
     limits: TransferLimits,
     max_bytes: int,
     cache_key: str | None = None,
-) -> Blob:
-    """Store the file at a URL.
+) -> Download:
+    """Write the file at a URL to `output`, unless the cached one is still current.
 
     Parameters
     ----------
@@ -170,8 +202,8 @@ def download(
         Client that sends the requests.
     url : Url
         Where the file is.
-    blobs : BlobStore
-        Where it is stored.
+    output : Path
+        Where it is written.
     cache : HttpCache
         Files that were downloaded before.
     limits : TransferLimits
@@ -189,8 +221,8 @@ def download(
         The file could not be downloaded; the subclass tells why.
     """
     deadline = TransferDeadline(limits)
-    with blobs.writer() as writer:
-        transfer = Transfer(url, cache_key or str(url), cache, writer, max_bytes)
+    with output.open("wb") as file:
+        transfer = Transfer(url, cache_key or str(url), cache, PartFile(file), max_bytes)
         for pause_s in RETRY_PAUSES_S:
             try:
                 return _attempt(client, transfer, deadline)
@@ -201,13 +233,11 @@ def download(
         return _attempt(client, transfer, deadline)
 
 
-def _attempt(client: OutboundClient, transfer: Transfer, deadline: TransferDeadline) -> Blob:
+def _attempt(client: OutboundClient, transfer: Transfer, deadline: TransferDeadline) -> Download:
     with client.get(transfer.url, deadline, transfer.headers_for) as response:
         cached = transfer.revalidated.get(response.url)
         if response.status == NOT_MODIFIED and cached is not None:
-            return cached.blob
+            return Download(transfer.key_of(response.url), cached.validators, is_cached=True)
         transfer.receive(response)
-    blob = transfer.writer.commit()
     validators = Validators.of(response.headers)
-    transfer.cache.store(transfer.key_of(response.url), CachedFile(blob, validators))
-    return blob
+    return Download(transfer.key_of(response.url), validators, is_cached=False)

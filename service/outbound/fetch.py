@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferLimits
-from service.outbound.download import download
+from service.outbound.download import Download, download
 from service.outbound.errors import AddressRefusedError
 from service.outbound.http_cache import HttpCache
 from service.outbound.ip_policy import Network
@@ -15,7 +16,6 @@ from service.outbound.s3 import check_s3, policy_for, presign
 from service.outbound.url_policy import UrlPolicy, check_url
 from service.outbound.urls import parse_url
 from service.settings import S3Settings, Settings, UrlSettings
-from service.storage.blobs import Blob, BlobStore
 
 S3_SCHEME = "s3://"
 
@@ -88,8 +88,8 @@ def check_source(url: str, policy: FetchPolicy) -> None:
         check_url(parse_url(url), policy.web)
 
 
-def fetch(url: str, policy: FetchPolicy, blobs: BlobStore, cache: HttpCache) -> Blob:
-    """Store the file at the URL of a cloud.
+def fetch(url: str, policy: FetchPolicy, output: Path, cache: HttpCache) -> Download:
+    """Write the file at the URL of a cloud to `output`, unless the cached one is still current.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def fetch(url: str, policy: FetchPolicy, blobs: BlobStore, cache: HttpCache) -> 
     return download(
         OutboundClient(web),
         location,
-        blobs,
+        output,
         cache,
         limits=policy.limits,
         max_bytes=policy.max_bytes,

@@ -5,14 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import secrets
 from dataclasses import asdict, dataclass
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Self
 
-from service.storage.blobs import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore, blob_path
 
 DIRECTORY = "fetched"
+MAX_VALIDATOR_LENGTH = 260
+"""Characters of an ETag or a date that is used; longer ones count as none."""
 _ETAG = re.compile(r'(?:W/)?"[!#-~]{0,256}"')
 
 
@@ -30,6 +33,8 @@ class Validators:
         if etag is not None and not _ETAG.fullmatch(etag):
             etag = None
         if modified is not None and not _is_strong(modified, headers.get("date")):
+            modified = None
+        if modified is not None and len(modified) > MAX_VALIDATOR_LENGTH:
             modified = None
         return cls(etag, modified)
 
@@ -72,47 +77,48 @@ class CachedFile:
     validators: Validators
 
 
-class HttpCache:
-    """Files of one tenant by URL.
+def hash_key(url: str) -> str:
+    """Return the key of a URL: its SHA-256, because URLs may hold credentials."""
+    return hashlib.sha256(url.encode()).hexdigest()
 
-    Each entry is a small file named by the hash of tenant and URL: URLs, which may hold
-    credentials, are not written down.
+
+class HttpCache:
+    """Files of one tenant by URL: each entry is a small file named by its key, see `hash_key`.
+
+    The process that fetches reads it; the service process writes it.
     """
 
-    def __init__(self, data_dir: Path, blobs: BlobStore, tenant: str) -> None:
-        self._directory = data_dir / DIRECTORY
-        self._blobs = blobs
-        self._tenant = tenant
-        self._directory.mkdir(exist_ok=True)
+    def __init__(self, data_dir: Path, tenant: str) -> None:
+        self._data_dir = data_dir
+        self.directory = data_dir / DIRECTORY / hashlib.sha256(tenant.encode()).hexdigest()
 
     def find(self, key: str) -> CachedFile | None:
-        """Return the file cached under a key, if it is still stored, and protect it for now."""
+        """Return the file cached under a key, if it is still stored."""
         try:
-            entry = json.loads(self._path(key).read_bytes())
+            entry = json.loads((self.directory / key).read_bytes())
             cached = CachedFile(Blob(**entry["blob"]), Validators(**entry["validators"]))
-            self._blobs.touch(cached.blob.sha256)
-        except (FileNotFoundError, ValueError, TypeError, KeyError):
+        except (OSError, ValueError, TypeError, KeyError):
             return None
-        return cached
+        return cached if blob_path(self._data_dir, cached.blob.sha256).exists() else None
 
     def store(self, key: str, cached: CachedFile) -> None:
         """Cache a file under a key; without validators it cannot be, and the key is dropped."""
-        path = self._path(key)
+        path = self.directory / key
         if not cached.validators.conditions:
             path.unlink(missing_ok=True)
             return
-        draft = self._blobs.incoming / path.name
+        self.directory.mkdir(parents=True, exist_ok=True)
+        draft = self._data_dir / "incoming" / f"{key}-{secrets.token_hex(4)}"
         draft.write_text(json.dumps(asdict(cached)))
         draft.replace(path)
-
-    def _path(self, key: str) -> Path:
-        name = hashlib.sha256(json.dumps([self._tenant, key]).encode()).hexdigest()
-        return self._directory / name
 
 
 def prune(data_dir: Path, blobs: BlobStore) -> None:
     """Remove the entries, of all tenants, whose file is no longer stored."""
     for path in (data_dir / DIRECTORY).glob("*"):
+        if path.is_file():  # an entry in the layout of an earlier build
+            path.unlink(missing_ok=True)
+    for path in (data_dir / DIRECTORY).glob("*/*"):
         try:
             sha256 = json.loads(path.read_bytes())["blob"]["sha256"]
         except (FileNotFoundError, ValueError, TypeError, KeyError):

@@ -27,6 +27,11 @@ class Blob:
     """Length in bytes."""
 
 
+def blob_path(root: Path, sha256: str) -> Path:
+    """Return the path of a blob below the data directory, whether it exists or not."""
+    return root / "blobs" / sha256[:2] / sha256
+
+
 class BlobWriter:
     """A blob that is being written; it becomes visible with `commit`, or leaves nothing behind.
 
@@ -89,21 +94,19 @@ class BlobStore:
     ----------
     root : Path
         Directory of `blobs`; shared by all processes of a service.
-    incoming : Path, optional
-        Directory of unfinished blobs, in the same file system; default: `root/incoming`.
     """
 
-    def __init__(self, root: Path, *, incoming: Path | None = None) -> None:
+    def __init__(self, root: Path) -> None:
         self.root = root
         self.blobs = root / "blobs"
-        self.incoming = incoming or root / "incoming"
+        self.incoming = root / "incoming"
         self._unneeded_since: dict[str, float] = {}
         for directory in (self.blobs, self.incoming):
             directory.mkdir(parents=True, exist_ok=True)
 
     def path(self, sha256: str) -> Path:
         """Return the path of a blob, whether it exists or not."""
-        return self.blobs / sha256[:2] / sha256
+        return blob_path(self.root, sha256)
 
     def exists(self, sha256: str) -> bool:
         """Return whether the blob is stored."""

@@ -11,8 +11,37 @@ from pathlib import Path
 import numpy as np
 
 from service.formats.decoded_cloud import DecodedCloud
+from service.storage.plain_file import is_plain_file
 
-_MISS = (FileNotFoundError, KeyError)  # KeyError: an entry in the layout of an earlier build
+_MISS = (OSError, KeyError)  # KeyError: an entry in the layout of an earlier build
+DIRECTORY = "prepared"
+
+
+def decoded_path(data_dir: Path, tenant: str, sha256: str) -> Path:
+    """Return the path of the entry for a tenant's cloud, whether it exists or not."""
+    return data_dir / DIRECTORY / f"{sha256}-{tenant}-{version('mpe')}.npz"
+
+
+def load_or_decode(entry: Path, decode: Callable[[], DecodedCloud], scratch: Path) -> DecodedCloud:
+    """Return the cached cloud, or decode it and leave a new entry in the scratch folder.
+
+    Parameters
+    ----------
+    entry : Path
+        Path of the entry, see `decoded_path`.
+    decode : callable
+        Returns the cloud when it is not cached; only points, format and warnings are kept.
+    scratch : Path
+        Folder for the new entry, which has the same file name; see `DecodedCache.adopt`.
+    """
+    with suppress(*_MISS), np.load(entry, allow_pickle=False) as arrays:
+        header = json.loads(str(arrays["header"]))
+        return DecodedCloud(arrays["points"], header["format"], tuple(header["warnings"]))
+    cloud = decode()
+    header = json.dumps({"format": cloud.format, "warnings": cloud.warnings})
+    with (scratch / entry.name).open("wb") as file:
+        np.savez(file, points=cloud.points, header=np.array(header))
+    return cloud
 
 
 class DecodedCache:
@@ -21,34 +50,16 @@ class DecodedCache:
     Tenants share no entry: the time that decoding takes must not reveal what another tenant stored.
     """
 
-    def __init__(self, directory: Path) -> None:
-        self._directory = directory
-        directory.mkdir(exist_ok=True)
+    def __init__(self, data_dir: Path) -> None:
+        self._data_dir = data_dir
+        self._directory = data_dir / DIRECTORY
+        self._directory.mkdir(exist_ok=True)
 
-    def get_or_decode(
-        self, tenant: str, sha256: str, decode: Callable[[], DecodedCloud], scratch: Path
-    ) -> DecodedCloud:
-        """Return the cached cloud, or decode and cache it.
-
-        Parameters
-        ----------
-        tenant, sha256 : str
-            Owner and content hash of the cloud.
-        decode : callable
-            Returns the cloud when it is not cached; only points, format and warnings are kept.
-        scratch : Path
-            Folder for the unfinished file, in the same file system as the cache.
-        """
-        path = self._directory / f"{sha256}-{tenant}-{version('mpe')}.npz"
-        with suppress(*_MISS), np.load(path, allow_pickle=False) as entry:
-            header = json.loads(str(entry["header"]))
-            return DecodedCloud(entry["points"], header["format"], tuple(header["warnings"]))
-        cloud = decode()
-        header = json.dumps({"format": cloud.format, "warnings": cloud.warnings})
-        with (scratch / path.name).open("wb") as file:
-            np.savez(file, points=cloud.points, header=np.array(header))
-        (scratch / path.name).replace(path)
-        return cloud
+    def adopt(self, tenant: str, sha256: str, scratch: Path) -> None:
+        """Move the new entry for a cloud, if there is one, from the scratch folder to the cache."""
+        final = decoded_path(self._data_dir, tenant, sha256)
+        if is_plain_file(scratch / final.name):
+            (scratch / final.name).replace(final)
 
     def collect(self, needed: set[tuple[str, str]]) -> None:
         """Remove the entries whose (tenant, content hash) is not needed."""

@@ -67,7 +67,9 @@ def prepare_forkserver(threads: int) -> None:
     for name in BLAS_THREADS:
         os.environ.setdefault(name, str(threads))
     os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # the layer that survives a fork
-    _context.set_forkserver_preload(["service.workers.forkserver"])
+    _context.set_forkserver_preload(
+        ["service.workers.sandbox.environment", "service.workers.forkserver"]
+    )
     sys.modules["__main__"].__spec__ = importlib.machinery.ModuleSpec("service.__main__", None)
 
 

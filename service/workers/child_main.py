@@ -18,16 +18,18 @@ from service.telemetry.json_logs import job_id
 from service.workers.messages import Answer, Failed, Message, Problem, Ready, clip
 from service.workers.pipe import send_message
 from service.workers.progress import ProgressReport
+from service.workers.sandbox.confinement import confine
 from service.workers.sandbox.limits import (
     BUSY_NAME,
     IDLE_NAME,
     apply_limits,
+    close_inherited,
     die_with_parent,
+    forbid_inspection,
     forkserver_pid,
     lower_priority,
     name_process,
 )
-from service.workers.sandbox.seccomp import drop_network
 from service.workers.task import Task
 
 CHILD_NICENESS = 10
@@ -46,19 +48,25 @@ def child_main(connection: Connection) -> None:
         task: Task = connection.recv()
     except EOFError:
         return  # the service needs it no more
-    _enter_sandbox(task)
+    _enter_sandbox(task, connection)
     _send(connection, answer_task(task, ProgressReport(partial(_send, connection))))
 
 
-def _enter_sandbox(task: Task) -> None:
+def _enter_sandbox(task: Task, connection: Connection) -> None:
     environment = task.environment
     name_process(BUSY_NAME)
     apply_limits(environment.limits)
     lower_priority(CHILD_NICENESS)
+    forbid_inspection()
     job_id.set(environment.job_id)
     tempfile.tempdir = str(environment.scratch)
-    if not task.uses_network and not drop_network():
-        log.warning("this system has no seccomp: the process that decodes files keeps its network")
+    close_inherited(connection.fileno())
+    confine(
+        task.readable,
+        [environment.scratch],
+        network=task.uses_network,
+        is_required=environment.requires_sandbox,
+    )
 
 
 def answer_task(task: Task, report: ProgressReport) -> Answer:

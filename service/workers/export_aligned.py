@@ -10,7 +10,7 @@ import numpy as np
 from service.clouds.inputs import CloudInput
 from service.clouds.transform import merge_clouds, transform_cloud
 from service.formats import DecodedCloud, read_points, write_cloud
-from service.storage.blobs import BlobStore
+from service.storage.blobs import blob_path
 from service.workers.messages import Exported
 from service.workers.progress import ProgressReport
 from service.workers.task import Task
@@ -33,6 +33,12 @@ class ExportAligned(Task):
         """The file that is written, in the scratch folder."""
         return self.environment.scratch / f"aligned.{self.format}"
 
+    @property
+    def readable(self) -> list[Path]:
+        """The clouds."""
+        clouds = [self.source] if self.target is None else [self.source, self.target]
+        return [self._path(cloud) for cloud in clouds]
+
     def perform(self, report: ProgressReport) -> Exported:
         """Decode, transform, write.
 
@@ -48,6 +54,8 @@ class ExportAligned(Task):
         return Exported()
 
     def _decode(self, cloud: CloudInput) -> DecodedCloud:
+        return read_points(self._path(cloud), **cloud.reading, attributes=True)
+
+    def _path(self, cloud: CloudInput) -> Path:
         assert cloud.sha256 is not None  # noqa: S101
-        blobs = BlobStore(self.environment.data_dir, incoming=self.environment.scratch)
-        return read_points(blobs.path(cloud.sha256), **cloud.reading, attributes=True)
+        return blob_path(self.environment.data_dir, cloud.sha256)

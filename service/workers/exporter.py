@@ -20,6 +20,7 @@ from service.problems import (
     WorkerLostError,
 )
 from service.settings import Settings
+from service.storage.plain_file import is_plain_file
 from service.storage.scratch import scratch_folder
 from service.telemetry.json_logs import job_context
 from service.workers.child import Child, ChildLostError
@@ -132,6 +133,8 @@ class Exporter:
             raise WorkerLostError(f"The file could not be written: {lost}.") from lost
         if isinstance(answer, Failed):
             raise ExportError(answer.problem)
+        if not is_plain_file(task.output):
+            raise WorkerLostError("The file could not be written: it is missing.")
 
     @contextmanager
     def _child(self) -> Iterator[Child]:

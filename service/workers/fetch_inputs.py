@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import ClassVar
 
 from service.clouds.inputs import CloudInput
-from service.outbound import FetchPolicy, HttpCache, fetch
+from service.outbound import S3_SCHEME, FetchPolicy, HttpCache, fetch
 from service.outbound.errors import AddressRefusedError, FetchError
-from service.storage.blobs import BlobStore
-from service.workers.messages import Fetched, StoredBlob
+from service.workers.messages import Fetched, FetchedFile
 from service.workers.progress import ProgressReport
 from service.workers.task import Task
 
@@ -17,6 +18,13 @@ from service.workers.task import Task
 def needs_fetching(cloud: CloudInput) -> bool:
     """Return whether the cloud is a URL that has not been fetched yet."""
     return cloud.sha256 is None and cloud.url is not None
+
+
+def aws_variables(*clouds: CloudInput) -> dict[str, str]:
+    """Return the AWS_ variables of this process if a cloud has to be fetched from S3."""
+    if not any(needs_fetching(c) and str(c.url).startswith(S3_SCHEME) for c in clouds):
+        return {}
+    return {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +36,22 @@ class FetchInputs(Task):
     source: CloudInput
     target: CloudInput
     policy: FetchPolicy
+    aws_variables: dict[str, str] = field(default_factory=dict, repr=False)
+    """Variables of the environment that hold credentials of S3; empty where none is needed."""
+
+    @property
+    def readable(self) -> list[Path]:
+        """The tenant's HTTP cache, and the files of credentials."""
+        cache = HttpCache(self.environment.data_dir, self.environment.tenant)
+        files = [Path(value) for name, value in self.aws_variables.items() if "FILE" in name]
+        return [cache.directory, *files]
+
+    def output(self, role: str) -> Path:
+        """Return the path that the file of a role is written to, in the scratch folder."""
+        return self.environment.scratch / role
 
     def perform(self, report: ProgressReport) -> Fetched:
-        """Fetch and store the clouds.
+        """Fetch the clouds into the scratch folder.
 
         Raises
         ------
@@ -39,21 +60,23 @@ class FetchInputs(Task):
         FetchError
             A URL could not be fetched; the subclass says why.
         """
+        os.environ.update(self.aws_variables)
         report.send("fetch", 0.0)
         with report.stage("fetch"):
             source = self._fetch_if_needed("source", self.source)
             target = self._fetch_if_needed("target", self.target)
         return Fetched(source, target, report.timing)
 
-    def _fetch_if_needed(self, role: str, cloud: CloudInput) -> StoredBlob | None:
+    def _fetch_if_needed(self, role: str, cloud: CloudInput) -> FetchedFile | None:
         if not needs_fetching(cloud):
             return None
         assert cloud.url is not None  # noqa: S101
-        environment = self.environment
-        blobs = BlobStore(environment.data_dir, incoming=environment.scratch)
-        cache = HttpCache(environment.data_dir, blobs, environment.tenant)
+        cache = HttpCache(self.environment.data_dir, self.environment.tenant)
         try:
-            blob = fetch(cloud.url, self.policy, blobs, cache)
+            done = fetch(cloud.url, self.policy, self.output(role), cache)
         except (AddressRefusedError, FetchError) as error:
             raise type(error)(f"{role}: {error}") from error
-        return StoredBlob(blob.sha256, blob.size)
+        validators = done.validators
+        return FetchedFile(
+            done.key, validators.etag, validators.last_modified, is_cached=done.is_cached
+        )

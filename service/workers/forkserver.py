@@ -13,10 +13,17 @@ from mpe_core import register  # noqa: F401
 from service.schemas import serialize_result  # noqa: F401
 from service.telemetry.json_logs import configure_logs
 from service.workers import child_main, export_aligned, fetch_inputs, register_clouds  # noqa: F401
-from service.workers.sandbox.limits import die_with_parent, remember_forkserver
+from service.workers.sandbox.confinement import library_paths
+from service.workers.sandbox.limits import (
+    die_with_parent,
+    forbid_inspection,
+    remember_forkserver,
+)
 
+forbid_inspection()
 remember_forkserver()
 die_with_parent(os.getppid())
+library_paths()  # cached here for all children
 configure_logs(os.environ.get("MPE_LOG_LEVEL", "INFO"))
 # without the freeze a child's garbage collector touches, and so copies, every page that it shares
 # with this process (docs/tuning.md, service.workers)

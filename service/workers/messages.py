@@ -14,6 +14,8 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
+from service.outbound.http_cache import MAX_VALIDATOR_LENGTH
+
 MAX_MESSAGE_BYTES = 1 << 20
 """Length of an encoded message; MAX_WARNINGS of MAX_TEXT_LENGTH fit, every character escaped."""
 MAX_TEXT_LENGTH = 4_000
@@ -26,6 +28,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Text = Annotated[str, Field(max_length=MAX_TEXT_LENGTH)]
 Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Validator = Annotated[str, Field(max_length=MAX_VALIDATOR_LENGTH)]
 Timing = Annotated[dict[Name, Seconds], Field(max_length=40)]
 """Seconds by stage; the keys are those of the API, such as `decode_s`."""
 
@@ -37,13 +40,16 @@ class MessageError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class StoredBlob:
-    """A blob that the child has stored."""
+class FetchedFile:
+    """A file that the child has fetched into its scratch folder, or found unchanged."""
 
     __pydantic_config__ = _STRICT
-    sha256: Sha256
-    size: Annotated[int, Field(ge=0, lt=2**63)]
-    """Length in bytes."""
+    key: Sha256
+    """Key of its URL in the HTTP cache."""
+    etag: Validator | None
+    last_modified: Validator | None
+    is_cached: bool
+    """Whether the cached file is still current, so that nothing was written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,25 +84,21 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """The inputs of a registration are stored."""
+    """The inputs of a registration are fetched."""
 
     __pydantic_config__ = _STRICT
-    source: StoredBlob | None
+    source: FetchedFile | None
     """The fetched file; None where none was to be fetched."""
-    target: StoredBlob | None
+    target: FetchedFile | None
     timing: Timing
     kind: Literal["fetched"] = "fetched"
 
 
 @dataclass(frozen=True, slots=True)
 class Succeeded:
-    """The clouds are registered and the result is stored."""
+    """The clouds are registered and the result is in the scratch folder."""
 
     __pydantic_config__ = _STRICT
-    result: StoredBlob
-    """The result as the JSON text that the API serves."""
-    inliers: StoredBlob
-    """The inlier pairs as .npy."""
     confidence: Fraction
     warnings: Annotated[list[Text], Field(max_length=MAX_WARNINGS)]
     timing: Timing

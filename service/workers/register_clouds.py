@@ -1,9 +1,9 @@
-"""Task that decodes two stored clouds, registers them and stores the result."""
+"""Task that decodes two stored clouds, registers them and writes the result."""
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from mpe_core import RegistrationOptions
 from service.clouds.inputs import CloudInput
 from service.formats import CloudFileError, DecodedCloud, read_points
-from service.storage.blobs import Blob, BlobStore
-from service.storage.decoded_cache import DecodedCache
-from service.workers.messages import MAX_WARNINGS, StoredBlob, Succeeded, clip
+from service.storage.blobs import blob_path
+from service.storage.decoded_cache import decoded_path, load_or_decode
+from service.workers.messages import MAX_WARNINGS, Succeeded, clip
 from service.workers.progress import ProgressReport
 from service.workers.task import Task
 
@@ -22,6 +22,13 @@ if TYPE_CHECKING:
 
 DECODING_SHARE = 0.1
 """Share of an attempt's progress that stands for fetching and decoding."""
+RESULT_NAME, INLIERS_NAME = "result.json", "inliers.npy"
+"""Files in the scratch folder: the result as the API serves it, and the inlier pairs."""
+
+
+def is_cached_decoded(cloud: CloudInput) -> bool:
+    """Return whether the decoded cloud is cached: other registrations will refer to it."""
+    return cloud.cloud is not None and not cloud.reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +40,17 @@ class RegisterClouds(Task):
     options: dict[str, Any]
     """Arguments of RegistrationOptions."""
 
+    @property
+    def readable(self) -> list[Path]:
+        """Both clouds, and their decoded forms."""
+        clouds = (self.source, self.target)
+        return [
+            *map(self._path, clouds),
+            *(self._entry(cloud) for cloud in clouds if is_cached_decoded(cloud)),
+        ]
+
     def perform(self, report: ProgressReport) -> Succeeded:
-        """Decode, register, store the result.
+        """Decode, register, write the result.
 
         Raises
         ------
@@ -43,35 +59,35 @@ class RegisterClouds(Task):
         mpe_core.RegistrationError
             The clouds cannot be registered.
         """
-        environment = self.environment
-        blobs = BlobStore(environment.data_dir, incoming=environment.scratch)
         report.send("decode", DECODING_SHARE / 2)
         with report.stage("decode"):
-            source = self._decode("source", self.source, blobs)
-            target = self._decode("target", self.target, blobs)
+            source = self._decode("source", self.source)
+            target = self._decode("target", self.target)
         registration = self._register(source, target, report)
         with report.stage("store"):
-            result, inliers = _store(registration, blobs)
+            _write(registration, self.environment.scratch)
         warnings = [*source.warnings, *target.warnings, *registration.warnings]
         return Succeeded(
-            result=result,
-            inliers=inliers,
             confidence=registration.confidence,
             warnings=[clip(text) for text in warnings[:MAX_WARNINGS]],
             timing=report.timing,
         )
 
-    def _decode(self, role: str, cloud: CloudInput, blobs: BlobStore) -> DecodedCloud:
+    def _path(self, cloud: CloudInput) -> Path:
         assert cloud.sha256 is not None  # noqa: S101
-        path, environment = blobs.path(cloud.sha256), self.environment
+        return blob_path(self.environment.data_dir, cloud.sha256)
+
+    def _entry(self, cloud: CloudInput) -> Path:
+        assert cloud.sha256 is not None  # noqa: S101
+        return decoded_path(self.environment.data_dir, self.environment.tenant, cloud.sha256)
+
+    def _decode(self, role: str, cloud: CloudInput) -> DecodedCloud:
+        path, scratch = self._path(cloud), self.environment.scratch
         try:
-            if cloud.cloud is None or cloud.reading:
+            if is_cached_decoded(cloud):
+                decoded = load_or_decode(self._entry(cloud), lambda: read_points(path), scratch)
+            else:
                 decoded = read_points(path, **cloud.reading)
-            else:  # a stored cloud: other registrations will refer to it
-                cache = DecodedCache(environment.data_dir / "prepared")
-                decoded = cache.get_or_decode(
-                    environment.tenant, cloud.sha256, lambda: read_points(path), environment.scratch
-                )
         except CloudFileError as error:
             raise type(error)(f"{role}: {error}") from error
         return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))
@@ -100,16 +116,9 @@ class RegisterClouds(Task):
         return registration
 
 
-def _store(registration: Registration, blobs: BlobStore) -> tuple[StoredBlob, StoredBlob]:
-    """Store the result document and the inlier pairs."""
+def _write(registration: Registration, scratch: Path) -> None:
+    """Write the result document and the inlier pairs."""
     from service.schemas.serialize_result import inlier_array, render_result
 
-    result = blobs.put([render_result(registration)])
-    buffer = io.BytesIO()
-    np.save(buffer, inlier_array(registration.inliers), allow_pickle=False)
-    inliers = blobs.put([buffer.getvalue()])
-    return _reference(result), _reference(inliers)
-
-
-def _reference(blob: Blob) -> StoredBlob:
-    return StoredBlob(blob.sha256, blob.size)
+    (scratch / RESULT_NAME).write_bytes(render_result(registration))
+    np.save(scratch / INLIERS_NAME, inlier_array(registration.inliers), allow_pickle=False)

@@ -13,7 +13,7 @@ from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
 from service.jobs.transitions import JobTransitions
-from service.outbound import FetchPolicy
+from service.outbound import FetchPolicy, HttpCache
 from service.problems import (
     TYPE_PREFIX,
     DeadlineError,
@@ -25,21 +25,23 @@ from service.problems import (
     is_disk_full,
 )
 from service.settings import Settings
-from service.storage.blobs import BlobStore
+from service.storage.blobs import Blob, BlobStore
+from service.storage.decoded_cache import DecodedCache
 from service.storage.scratch import scratch_folder
 from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError, NoProcessError
-from service.workers.fetch_inputs import FetchInputs, needs_fetching
+from service.workers.child_files import store_fetched, store_result
+from service.workers.fetch_inputs import FetchInputs, aws_variables, needs_fetching
 from service.workers.messages import (
     Answer,
     Failed,
     Fetched,
+    FetchedFile,
     Message,
     Progress,
-    StoredBlob,
     Succeeded,
 )
-from service.workers.register_clouds import RegisterClouds
+from service.workers.register_clouds import RegisterClouds, is_cached_decoded
 from service.workers.spare import SpareChild
 from service.workers.task import Task, TaskEnvironment
 
@@ -97,14 +99,17 @@ class AttemptSupervisor:
         limits = AttemptLimits.of(job, self.settings.job_timeout_s)
         if needs_fetching(job.source) or needs_fetching(job.target):
             policy = FetchPolicy.of(self.settings)
-            fetch = FetchInputs(environment, job.source, job.target, policy)
-            fetched_job = self._record_fetched(job, self._perform(job, fetch, limits))
+            secrets = aws_variables(job.source, job.target)
+            fetch = FetchInputs(environment, job.source, job.target, policy, secrets)
+            fetched_job = self._record_fetched(job, fetch, self._perform(job, fetch, limits))
             if fetched_job is None:
                 return
             job = fetched_job
         self._check_inputs(job)
         register = RegisterClouds(environment, job.source, job.target, job.options)
-        self._record_outcome(job, self._perform(job, register, limits))
+        answer = self._perform(job, register, limits)
+        self._keep_decoded(job, scratch)
+        self._record_outcome(job, answer, scratch)
 
     def _check_inputs(self, job: JobRow) -> None:
         """Check that the files of both clouds are on the disk.
@@ -129,7 +134,7 @@ class AttemptSupervisor:
             answer = self._await_answer(job, child, limits)
         finally:
             child.kill()
-            if answer is None:
+            if answer is None or task.uses_network:  # what it fetched is moved, not copied
                 child.close()
             else:
                 self.spare.close_later(child)
@@ -171,13 +176,16 @@ class AttemptSupervisor:
             return self.transitions.record_progress(job, message.stage, message.fraction)
         return self.transitions.is_current(job)
 
-    def _record_fetched(self, job: JobRow, answer: Answer | None) -> JobRow | None:
+    def _record_fetched(
+        self, job: JobRow, task: FetchInputs, answer: Answer | None
+    ) -> JobRow | None:
         """Return the job with its clouds stored; None when the attempt is over."""
         if not isinstance(answer, Fetched):
             self._record_failure(job, answer)
             return None
-        source = self._with_content(job.source, answer.source)
-        target = self._with_content(job.target, answer.target)
+        cache = HttpCache(self.settings.data_dir, job.tenant)
+        source = self._with_content(job.source, answer.source, task.output("source"), cache)
+        target = self._with_content(job.target, answer.target, task.output("target"), cache)
         fetched = replace(job, source=source, target=target, timing=answer.timing)
         return (
             fetched
@@ -185,23 +193,34 @@ class AttemptSupervisor:
             else None
         )
 
-    def _with_content(self, cloud: CloudInput, blob: StoredBlob | None) -> CloudInput:
+    def _with_content(
+        self, cloud: CloudInput, file: FetchedFile | None, path: Path, cache: HttpCache
+    ) -> CloudInput:
         if not needs_fetching(cloud):
             return cloud
-        if blob is None:
+        if file is None:
             raise ChildLostError("it left out a file that it was to fetch")
-        self._protect_blobs(blob)
+        max_bytes = self.settings.max_body_bytes
+        blob = store_fetched(file, path, self.blobs, cache, max_bytes=max_bytes)
+        self._protect(blob)
         return replace(cloud, sha256=blob.sha256, size=blob.size)
 
-    def _record_outcome(self, job: JobRow, answer: Answer | None) -> None:
+    def _keep_decoded(self, job: JobRow, scratch: Path) -> None:
+        """Cache the decoded forms that the child left of stored clouds."""
+        cache = DecodedCache(self.settings.data_dir)
+        for cloud in (job.source, job.target):
+            if is_cached_decoded(cloud) and cloud.sha256 is not None:
+                cache.adopt(job.tenant, cloud.sha256, scratch)
+
+    def _record_outcome(self, job: JobRow, answer: Answer | None, scratch: Path) -> None:
         if not isinstance(answer, Succeeded):
             self._record_failure(job, answer)
             return
-        self._protect_blobs(answer.result, answer.inliers)
+        result, inliers = store_result(scratch, self.blobs)
         outcome = Outcome(
-            result_sha256=answer.result.sha256,
-            inliers_sha256=answer.inliers.sha256,
-            result_bytes=answer.result.size + answer.inliers.size,
+            result_sha256=result.sha256,
+            inliers_sha256=inliers.sha256,
+            result_bytes=result.size + inliers.size,
             confidence=answer.confidence,
             source=job.source,
             target=job.target,
@@ -235,13 +254,12 @@ class AttemptSupervisor:
             lambda: self.transitions.interrupt(job, "the disk was full", document)
         )
 
-    def _protect_blobs(self, *blobs: StoredBlob) -> None:
-        """Keep what the child has stored from the clean-up until a row refers to it."""
+    def _protect(self, blob: Blob) -> None:
+        """Keep a blob from the clean-up until a row refers to it."""
         try:
-            for blob in blobs:
-                self.blobs.touch(blob.sha256)
+            self.blobs.touch(blob.sha256)
         except FileNotFoundError as error:
-            raise ChildLostError("what it stored was removed before it was recorded") from error
+            raise ChildLostError("what it fetched was removed before it was recorded") from error
 
 
 def _retry_while_unavailable(record: Callable[[], bool]) -> bool:

@@ -28,9 +28,11 @@ class TaskEnvironment:
     tenant: str
     data_dir: Path
     scratch: Path
-    """Folder for unfinished files; the parent removes it."""
+    """The only folder that a task writes to; the parent removes it."""
     threads: int
     limits: ResourceLimits
+    requires_sandbox: bool
+    """Whether the task must not run where a part of the sandbox is missing."""
 
     @classmethod
     def create(cls, *, job_id: str, tenant: str, scratch: Path, settings: Settings) -> Self:
@@ -43,6 +45,7 @@ class TaskEnvironment:
             scratch=scratch,
             threads=settings.threads,
             limits=ResourceLimits(memory_bytes=settings.job_memory_bytes, cpu_s=cpu_s),
+            requires_sandbox=settings.require_sandbox,
         )
 
 
@@ -54,6 +57,11 @@ class Task(ABC):
     """Whether the child keeps its network; a task that decodes files must not."""
 
     environment: TaskEnvironment
+
+    @property
+    @abstractmethod
+    def readable(self) -> list[Path]:
+        """Files and folders that the task reads, besides its scratch folder and libraries."""
 
     @abstractmethod
     def perform(self, report: ProgressReport) -> Answer:

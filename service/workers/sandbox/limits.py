@@ -18,6 +18,7 @@ MAX_FILE_BYTES = 64 * 2**30
 """Length of a file that a child writes, in bytes; the disk is watched elsewhere."""
 AUTOGROUP = "/proc/self/autogroup"
 _PR_SET_PDEATHSIG = 1
+_PR_SET_DUMPABLE = 4
 _PR_SET_NAME = 15
 
 _forkserver_pid: int | None = None
@@ -64,6 +65,20 @@ def name_process(name: str) -> None:
     _prctl(_PR_SET_NAME, name.encode())
 
 
+def forbid_inspection() -> None:
+    """Forbid other processes of the same user to read or trace this one (Linux).
+
+    Forked processes inherit it; a program that is executed loses it.
+    """
+    _prctl(_PR_SET_DUMPABLE, 0)
+
+
+def close_inherited(kept: int) -> None:
+    """Close all descriptors but the standard ones and `kept`."""
+    os.closerange(3, kept)
+    os.closerange(kept + 1, os.sysconf("SC_OPEN_MAX"))
+
+
 def _prctl(option: int, value: int | bytes) -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(option, value)
@@ -77,6 +92,7 @@ def lower_priority(niceness: int) -> None:
     may do that (ten times a second, together); a refusal is ignored.
     """
     total = os.nice(niceness)
+    _prctl(_PR_SET_DUMPABLE, 1)  # else the file belongs to root; see forbid_inspection
     with contextlib.suppress(OSError), open(AUTOGROUP, "w") as autogroup:  # noqa: PTH123
         autogroup.write(str(total))
 

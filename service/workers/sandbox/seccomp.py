@@ -1,52 +1,83 @@
-"""A seccomp filter that takes the network from a process that reads strangers' files (Linux).
+"""A seccomp filter that takes the network and other processes from a child process (Linux).
 
 Network namespaces need privileges that containers drop; a filter needs none. It is written by hand
 because the bindings of libseccomp are unmaintained or need the library at run time, and a list of
-seven denied calls needs no compiler of filters.
+denied calls needs no compiler of filters.
 """
 
 from __future__ import annotations
 
 import ctypes
 import errno
+import os
 import platform
 import struct
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
+
+from service.workers.sandbox.system_calls import (
+    DENIED,
+    NETWORK,
+    ONLY_OWN_PROCESS,
+    ONLY_THIS_PROCESS,
+    SYSTEM_CALLS,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class _Architecture:
     audit_arch: int
     """AUDIT_ARCH_* of include/uapi/linux/audit.h."""
-    seccomp: int
-    """Number of the system call seccomp."""
-    denied: tuple[int, ...]
-    """Calls that open a socket, or take one from another process, in ascending order."""
+    column: int
+    """Column of its numbers in SYSTEM_CALLS."""
 
 
-# numbers of arch/x86/entry/syscalls/syscall_64.tbl and include/uapi/asm-generic/unistd.h: socket,
-# connect, ptrace, process_vm_readv, process_vm_writev, io_uring_setup, pidfd_getfd
-_ARCHITECTURES = {
-    "x86_64": _Architecture(0xC000003E, 317, (41, 42, 101, 310, 311, 425, 438)),
-    "aarch64": _Architecture(0xC00000B7, 277, (117, 198, 203, 270, 271, 425, 438)),
-}
+_ARCHITECTURES = {"x86_64": _Architecture(0xC000003E, 0), "aarch64": _Architecture(0xC00000B7, 1)}
 _X32_BIT = 0x40000000
 """Bit of the calls of x86's third ABI, which has the same calls under other numbers."""
 
-_LOAD, _JUMP_IF_EQUAL, _JUMP_IF_AT_LEAST, _RETURN = 0x20, 0x15, 0x35, 0x06
-_NUMBER_OFFSET, _ARCHITECTURE_OFFSET = 0, 4
-_KILL, _DENY, _ALLOW = 0x80000000, 0x00050000 | errno.EACCES, 0x7FFF0000
-_PR_SET_NO_NEW_PRIVS = 38
+_LOAD, _RETURN = 0x20, 0x06
+_JUMP_IF_EQUAL, _JUMP_IF_AT_LEAST, _JUMP_IF_SET = 0x15, 0x35, 0x45
+_NUMBER, _ARCHITECTURE, _FIRST_ARGUMENT = 0, 4, 16
+"""Offsets in struct seccomp_data; of an argument its lower 32 bits."""
+_KILL, _ALLOW = 0x80000000, 0x7FFF0000
+_DENY, _UNKNOWN = 0x00050000 | errno.EACCES, 0x00050000 | errno.ENOSYS
+_PR_GET_SECCOMP, _PR_SET_NO_NEW_PRIVS = 21, 38
 _SET_MODE_FILTER, _ALL_THREADS = 1, 1
+_CLONE_THREAD = 0x10000
+_PR_SET_PDEATHSIG = 1
+_AF_INET, _AF_INET6, _AF_NETLINK = 2, 10, 16
+
+_Step = tuple[int, int, int, int]
+"""Code, jump if true, jump if false, value: an instruction of classic BPF."""
 
 
 class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
 
 
-def drop_network() -> bool:
-    """Take the network from this process, its threads and its children, irrevocably.
+def has_seccomp() -> bool:
+    """Return whether `filter_system_calls` can succeed on this system."""
+    if sys.platform != "linux" or platform.machine() not in _ARCHITECTURES:
+        return False
+    return bool(ctypes.CDLL(None).prctl(_PR_GET_SECCOMP, 0, 0, 0, 0) >= 0)
+
+
+def forbid_new_privileges() -> bool:
+    """Forbid this process to gain privileges by exec; Landlock and seccomp require it."""
+    return bool(ctypes.CDLL(None).prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0)
+
+
+def filter_system_calls(*, network: bool) -> bool:
+    """Take other processes, new processes and the kernel's wider interfaces, irrevocably.
+
+    It holds for all threads of this process.
+
+    Parameters
+    ----------
+    network : bool
+        Whether Internet sockets stay allowed.
 
     Returns
     -------
@@ -54,30 +85,56 @@ def drop_network() -> bool:
         False where that is impossible: not Linux, another processor, a kernel without seccomp.
     """
     architecture = _ARCHITECTURES.get(platform.machine())
-    if sys.platform != "linux" or architecture is None:
+    if sys.platform != "linux" or architecture is None or not forbid_new_privileges():
         return False
-    instructions = _filter(architecture)
-    program = _Program(len(instructions) // 8, instructions)
+    steps = b"".join(struct.pack("=HBBI", *step) for step in _filter(architecture, network))
+    program = _Program(len(steps) // 8, steps)
+    number = SYSTEM_CALLS["seccomp"][architecture.column]
     libc = ctypes.CDLL(None)
-    if libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0:
-        return False
-    status: int = libc.syscall(
-        architecture.seccomp, _SET_MODE_FILTER, _ALL_THREADS, ctypes.byref(program)
-    )
+    status: int = libc.syscall(number, _SET_MODE_FILTER, _ALL_THREADS, ctypes.byref(program))
     return status == 0
 
 
-def _filter(architecture: _Architecture) -> bytes:
-    """Return the program in classic BPF: code, jump if true, jump if false, value."""
-    count = len(architecture.denied)
-    steps = [
-        (_LOAD, 0, 0, _ARCHITECTURE_OFFSET),
+def _filter(architecture: _Architecture, network: bool) -> Iterator[_Step]:
+    def number(name: str) -> int | None:
+        return SYSTEM_CALLS[name][architecture.column]
+
+    yield from (
+        (_LOAD, 0, 0, _ARCHITECTURE),
         (_JUMP_IF_EQUAL, 1, 0, architecture.audit_arch),
         (_RETURN, 0, 0, _KILL),
-        (_LOAD, 0, 0, _NUMBER_OFFSET),
-        (_JUMP_IF_AT_LEAST, count + 1, 0, _X32_BIT),
-        *((_JUMP_IF_EQUAL, count - i, 0, number) for i, number in enumerate(architecture.denied)),
-        (_RETURN, 0, 0, _ALLOW),
+        (_LOAD, 0, 0, _NUMBER),
+        (_JUMP_IF_AT_LEAST, 0, 1, _X32_BIT),
         (_RETURN, 0, 0, _DENY),
-    ]
-    return b"".join(struct.pack("=HBBI", *step) for step in steps)
+    )
+    denied = DENIED if network else DENIED + NETWORK
+    for name in denied:
+        yield from _on(number(name), (_RETURN, 0, 0, _DENY))
+    yield from _on(number("clone3"), (_RETURN, 0, 0, _UNKNOWN))  # libc falls back to clone
+    yield from _on(number("clone"), *_if_argument(_JUMP_IF_SET, [_CLONE_THREAD], _ALLOW, _DENY))
+    yield from _on(
+        number("prctl"), *_if_argument(_JUMP_IF_EQUAL, [_PR_SET_PDEATHSIG], _DENY, _ALLOW)
+    )
+    for name in ONLY_OWN_PROCESS:
+        yield from _on(number(name), *_if_argument(_JUMP_IF_EQUAL, [os.getpid()], _ALLOW, _DENY))
+    for name in ONLY_THIS_PROCESS:
+        yield from _on(number(name), *_if_argument(_JUMP_IF_EQUAL, [0], _ALLOW, _DENY))
+    families = [_AF_INET, _AF_INET6, _AF_NETLINK]  # getaddrinfo asks netlink
+    yield from _on(number("socket"), *_if_argument(_JUMP_IF_EQUAL, families, _ALLOW, _DENY))
+    yield (_RETURN, 0, 0, _ALLOW)
+
+
+def _on(number: int | None, *steps: _Step) -> Iterator[_Step]:
+    """Yield steps, which must return, for the system call of this number."""
+    if number is not None:
+        yield (_JUMP_IF_EQUAL, 0, len(steps), number)
+        yield from steps
+
+
+def _if_argument(test: int, values: list[int], then: int, otherwise: int) -> Iterator[_Step]:
+    """Yield steps that return `then` if the first argument passes the test with a value."""
+    yield (_LOAD, 0, 0, _FIRST_ARGUMENT)
+    for i, value in enumerate(values):
+        yield (test, len(values) - i, 0, value)
+    yield (_RETURN, 0, 0, otherwise)
+    yield (_RETURN, 0, 0, then)

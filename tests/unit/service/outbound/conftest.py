@@ -10,7 +10,7 @@ import pytest
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferLimits
 from service.outbound.download import download
-from service.outbound.http_cache import HttpCache
+from service.outbound.http_cache import CachedFile, HttpCache
 from service.outbound.url_policy import UrlPolicy
 from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
@@ -50,7 +50,14 @@ def fetch(blobs: BlobStore, names: Names, tmp_path: Path) -> Fetch:
     ) -> Blob:
         limits = TransferLimits(total_s, read_timeout_s, min_bytes_per_s)
         client = OutboundClient(policy, resolve=names, tls=tls)
-        cache = HttpCache(tmp_path, blobs, tenant)
-        return download(client, parse_url(url), blobs, cache, limits=limits, max_bytes=max_bytes)
+        cache, output = HttpCache(tmp_path, tenant), tmp_path / "output"
+        done = download(client, parse_url(url), output, cache, limits=limits, max_bytes=max_bytes)
+        if done.is_cached:
+            cached = cache.find(done.key)
+            assert cached is not None
+            return cached.blob
+        blob = blobs.adopt(output)
+        cache.store(done.key, CachedFile(blob, done.validators))
+        return blob
 
     return fetched

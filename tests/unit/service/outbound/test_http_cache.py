@@ -112,13 +112,21 @@ def test_what_is_known_of_removed_files_is_forgotten(
 ) -> None:
     web.behaviours["/file"] = Versioned(ETag='"1"')
     blob = fetch(web.url("/file?X-Amz-Signature=secret"))
-    (said,) = (blobs.root / "fetched").iterdir()
+    (said,) = (blobs.root / "fetched").glob("*/*")
     assert "secret" not in said.read_text() + said.name
     prune(blobs.root, blobs)
     assert said.exists()
     blobs.path(blob.sha256).unlink()
     prune(blobs.root, blobs)
     assert not said.exists()
+
+
+def test_entries_of_an_earlier_layout_are_removed(blobs: BlobStore) -> None:
+    old = blobs.root / "fetched" / "ab"
+    old.parent.mkdir()
+    old.write_text("{}")
+    prune(blobs.root, blobs)
+    assert not old.exists()
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from service.formats import DecodedCloud
-from service.storage.decoded_cache import DecodedCache
+from service.storage.decoded_cache import DecodedCache, decoded_path, load_or_decode
 
 HASH = "ab" * 32
 POINTS = np.random.default_rng(0).normal(size=(50, 3))
@@ -17,7 +17,7 @@ POINTS = np.random.default_rng(0).normal(size=(50, 3))
 @pytest.fixture
 def prepared(tmp_path: Path) -> DecodedCache:
     (tmp_path / "scratch").mkdir()
-    return DecodedCache(tmp_path / "prepared")
+    return DecodedCache(tmp_path)
 
 
 def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
@@ -30,7 +30,8 @@ def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
         return DecodedCloud(POINTS, "ply", ("odd",))
 
     for tenant in tenants:
-        cloud = prepared.get_or_decode(tenant, HASH, decode, scratch)
+        cloud = load_or_decode(decoded_path(scratch.parent, tenant, HASH), decode, scratch)
+        prepared.adopt(tenant, HASH, scratch)
         np.testing.assert_array_equal(cloud.points, POINTS)
         assert (cloud.format, cloud.warnings) == ("ply", ("odd",))
     return count
@@ -46,3 +47,11 @@ def test_what_one_tenant_needs_no_more_is_dropped(prepared: DecodedCache, tmp_pa
     prepared.collect({("lab-2", HASH), ("lab", "cd" * 32)})
     assert decodings(prepared, scratch, "lab-2") == 0
     assert decodings(prepared, scratch, "lab") == 1
+
+
+def test_a_link_is_not_taken_up(prepared: DecodedCache, tmp_path: Path) -> None:
+    final = decoded_path(tmp_path, "lab", HASH)
+    (tmp_path / "secret").write_text("secret")
+    (tmp_path / "scratch" / final.name).symlink_to(tmp_path / "secret")
+    prepared.adopt("lab", HASH, tmp_path / "scratch")
+    assert not final.exists()

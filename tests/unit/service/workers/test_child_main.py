@@ -17,7 +17,7 @@ from service.workers.sandbox.limits import ResourceLimits
 from service.workers.task import Task, TaskEnvironment
 
 LIMITS = ResourceLimits(memory_bytes=300 * 2**20, cpu_s=1)
-ENVIRONMENT = TaskEnvironment("job", "lab", Path("data"), Path("scratch"), 1, LIMITS)
+ENVIRONMENT = TaskEnvironment("job", "lab", Path("data"), Path("scratch"), 1, LIMITS, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,10 @@ class Call(Task):
     """Calls the function as its work."""
 
     call: Callable[[ProgressReport], Answer]
+
+    @property
+    def readable(self) -> list[Path]:
+        return []
 
     def perform(self, report: ProgressReport) -> Answer:
         return self.call(report)

@@ -45,7 +45,7 @@ class Children:
         self.started: list[FakeChild] = []
 
     def __call__(self) -> FakeChild:
-        self.started.append(FakeChild(*self.lines))
+        self.started.append(FakeChild(*self.lines, files={"aligned.ply": b"ply"}))
         return self.started[-1]
 
 

@@ -17,25 +17,25 @@ from service.workers.messages import (
     Exported,
     Failed,
     Fetched,
+    FetchedFile,
     Message,
     MessageError,
     Problem,
     Progress,
     Ready,
-    StoredBlob,
     Succeeded,
     clip,
     decode,
     encode,
 )
 
-BLOB = StoredBlob("ab" * 32, 7)
+FILE = FetchedFile("ab" * 32, '"1"', None, is_cached=False)
 PROBLEM = Problem("urn:mpe:problem:job-memory", "Too large", 507, "source: é\u2028\x00")
 MESSAGES = [
     Ready(),
     Progress("decode", 0.05),
-    Fetched(BLOB, None, {"fetch_s": 1.5}),
-    Succeeded(BLOB, BLOB, 0.9, ["odd"], {"decode_s": 0.0, "store_s": 2e-5}),
+    Fetched(FILE, None, {"fetch_s": 1.5}),
+    Succeeded(0.9, ["odd"], {"decode_s": 0.0, "store_s": 2e-5}),
     Exported(),
     Failed(PROBLEM, {}),
 ]
@@ -78,16 +78,15 @@ def changed(message: Message, **values: Any) -> bytes:
         changed(MESSAGES[1], fraction="0.5"),
         changed(MESSAGES[1], fraction=float("nan")),
         changed(MESSAGES[1], fraction=float("inf")),
-        changed(MESSAGES[2], source={"sha256": "../../../etc/passwd", "size": 1}),
-        changed(MESSAGES[2], source={"sha256": "AB" * 32, "size": 1}),
-        changed(MESSAGES[2], source={"sha256": "ab" * 32, "size": -1}),
-        changed(MESSAGES[2], source={"sha256": "ab" * 32, "size": 10**30}),
-        changed(MESSAGES[2], source={"sha256": "ab" * 32, "size": True}),
+        changed(MESSAGES[2], source=asdict(FILE) | {"key": "../../../etc/passwd"}),
+        changed(MESSAGES[2], source=asdict(FILE) | {"key": "AB" * 32}),
+        changed(MESSAGES[2], source=asdict(FILE) | {"etag": "x" * 1000}),
+        changed(MESSAGES[2], source=asdict(FILE) | {"is_cached": 1}),
         changed(MESSAGES[2], timing={"fetch_s": -1}),
         changed(MESSAGES[2], timing={"fetch_s": float("nan")}),
         changed(MESSAGES[2], timing={"../": 1}),
         changed(MESSAGES[2], timing={f"s{i}": 1 for i in range(41)}),
-        changed(MESSAGES[3], result=None),
+        changed(MESSAGES[3], result="ab" * 32),
         changed(MESSAGES[3], confidence=2),
         changed(MESSAGES[3], warnings="odd"),
         changed(MESSAGES[3], warnings=["x" * (MAX_TEXT_LENGTH + 1)]),
@@ -146,6 +145,6 @@ def test_a_clipped_text_can_be_sent(text: str) -> None:
 
 def test_the_longest_message_fits() -> None:
     worst = [clip("\x01" * 2 * MAX_TEXT_LENGTH)] * MAX_WARNINGS
-    line = encode(Succeeded(BLOB, BLOB, 1.0, worst, {}))
+    line = encode(Succeeded(1.0, worst, {}))
     assert len(line) < MAX_MESSAGE_BYTES
     decode(line)

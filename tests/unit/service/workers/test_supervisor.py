@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -26,19 +27,22 @@ from service.workers.messages import (
     Exported,
     Failed,
     Fetched,
+    FetchedFile,
     Problem,
     Progress,
-    StoredBlob,
     Succeeded,
 )
-from service.workers.register_clouds import RegisterClouds
+from service.workers.register_clouds import INLIERS_NAME, RESULT_NAME, RegisterClouds
 from service.workers.spare import SpareChild
 from service.workers.supervisor import AttemptSupervisor
-from tests.factories.attempts import FakeChild, FakeSpare, Line
+from tests.factories.attempts import FakeChild, FakeSpare, Line, result_files
 from tests.factories.jobs import TENANT, add, claim, open_transitions
 
 HERE = CloudInput(sha256="cd" * 32, size=3)
 AWAY = CloudInput(url="http://there/cloud.ply")
+SUCCEEDED = Succeeded(0.9, ["odd"], {"decode_s": 1.0})
+FETCHED = FetchedFile("ab" * 32, '"1"', None, is_cached=False)
+FILES = {"source": b"cloud", "target": b"cloud", **result_files()}
 FAILED = Failed(Problem("urn:mpe:problem:cloud-shape", "No cloud", 422, "too flat"), {"d_s": 1.0})
 
 
@@ -61,7 +65,7 @@ class Attempts:
 
     def run(self, *children: list[Line]) -> JobRow:
         """Run an attempt at the next job with one child after the other; return the job then."""
-        return self.supervise([FakeChild(*lines) for lines in children])
+        return self.supervise([FakeChild(*lines, files=FILES) for lines in children])
 
     def supervise(self, children: list[FakeChild]) -> JobRow:
         job, self.children = claim(self.transitions), children
@@ -80,13 +84,6 @@ class Attempts:
         found = self.jobs.get(TENANT, job.id)
         assert found is not None
         return found
-
-    def put(self, content: bytes) -> StoredBlob:
-        blob = self.blobs.put([content])
-        return StoredBlob(blob.sha256, blob.size)
-
-    def success(self) -> Succeeded:
-        return Succeeded(self.put(b"result"), self.put(b"pairs"), 0.9, ["odd"], {"decode_s": 1.0})
 
 
 @pytest.fixture
@@ -108,11 +105,11 @@ def _short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_success_is_recorded_with_what_the_child_stored(attempts: Attempts) -> None:
     attempts.add()
-    answer = attempts.success()
-    job = attempts.run([Progress("decode", 0.05), Progress("search", 0.4), answer])
+    job = attempts.run([Progress("decode", 0.05), Progress("search", 0.4), SUCCEEDED])
     assert job.status == "succeeded"
-    assert (job.result_sha256, job.inliers_sha256) == (answer.result.sha256, answer.inliers.sha256)
-    assert job.result_bytes == answer.result.size + answer.inliers.size
+    stored = [attempts.blobs.path(str(name)) for name in (job.result_sha256, job.inliers_sha256)]
+    assert [path.read_bytes() for path in stored] == [FILES[RESULT_NAME], FILES[INLIERS_NAME]]
+    assert job.result_bytes == sum(path.stat().st_size for path in stored)
     assert (job.confidence, job.warnings) == (0.9, ["odd"])
     assert {"queued_s", "decode_s", "total_s"} <= set(job.timing)
     stages = [event.stage for event in attempts.jobs.events(TENANT, job.id, after=0)]
@@ -124,18 +121,19 @@ def test_success_is_recorded_with_what_the_child_stored(attempts: Attempts) -> N
 
 def test_inputs_are_fetched_by_a_child_of_their_own(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
-    blob = attempts.put(b"cloud")
     job = attempts.run(
-        [Progress("fetch", 0.0), Fetched(blob, None, {"fetch_s": 2.0})], [attempts.success()]
+        [Progress("fetch", 0.0), Fetched(FETCHED, None, {"fetch_s": 2.0})], [SUCCEEDED]
     )
+    sha256 = hashlib.sha256(b"cloud").hexdigest()
     assert job.status == "succeeded"
-    assert (job.source.sha256, job.source.size, job.source.url) == (blob.sha256, 5, AWAY.url)
+    assert (job.source.sha256, job.source.size, job.source.url) == (sha256, 5, AWAY.url)
     assert job.target == HERE
     assert (job.timing["fetch_s"], job.timing["decode_s"]) == (2.0, 1.0)
     fetch, register = (child.task for child in attempts.children)
     assert isinstance(fetch, FetchInputs)
     assert isinstance(register, RegisterClouds)
-    assert register.source.sha256 == blob.sha256
+    assert register.source.sha256 == sha256
+    assert attempts.blobs.path(sha256).read_bytes() == b"cloud"
 
 
 def test_a_problem_is_recorded_as_it_is(attempts: Attempts) -> None:
@@ -164,9 +162,8 @@ def test_what_cannot_be_fetched_is_not_registered(attempts: Attempts) -> None:
         ChildLostError("it sent an invalid message (json_invalid)"),
         Exported(),
         Fetched(None, None, {}),
-        Succeeded(StoredBlob("00" * 32, 1), StoredBlob("11" * 32, 1), 0.9, [], {}),
     ],
-    ids=["killed", "nonsense", "answer to an export", "answer to a fetch", "nothing stored"],
+    ids=["killed", "nonsense", "answer to an export", "answer to a fetch"],
 )
 def test_a_lost_child_is_tried_again_and_fails_the_job_in_the_end(
     attempts: Attempts, last: Line
@@ -196,7 +193,7 @@ def test_a_full_disk_costs_the_job_nothing_and_it_is_tried_again(
     for number in range(1, 4):
         job = attempts.run([Progress("decode", 0.05), last])
         assert (job.status, job.lost_attempts, job.interruptions) == ("queued", 0, number)
-    assert attempts.run([attempts.success()]).status == "succeeded"
+    assert attempts.run([SUCCEEDED]).status == "succeeded"
 
 
 def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
@@ -211,6 +208,24 @@ def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
 def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
     assert attempts.run([Fetched(None, None, {})]).lost_attempts == 1
+
+
+@pytest.mark.parametrize(
+    "files", [{}, FILES | {RESULT_NAME: b"{}"}, FILES | {INLIERS_NAME: FILES[INLIERS_NAME][:-1]}]
+)
+def test_a_result_that_is_not_valid_is_a_lost_child(
+    attempts: Attempts, files: dict[str, bytes]
+) -> None:
+    attempts.add()
+    job = attempts.supervise([FakeChild(SUCCEEDED, files=files)])
+    assert (job.status, job.lost_attempts) == ("queued", 1)
+
+
+def test_a_fetch_that_claims_a_file_that_is_not_cached_is_a_lost_child(attempts: Attempts) -> None:
+    """The child cannot name a stored file; only the tenant's cache can."""
+    attempts.add(source=AWAY)
+    claimed = replace(FETCHED, is_cached=True)
+    assert attempts.run([Fetched(claimed, None, {})]).lost_attempts == 1
 
 
 def test_a_child_that_cannot_be_started_costs_the_job_nothing(attempts: Attempts) -> None:
@@ -253,12 +268,11 @@ def test_a_job_that_is_cancelled_meanwhile_stays_cancelled(attempts: Attempts) -
 
 def test_an_answer_after_the_cancel_changes_nothing(attempts: Attempts) -> None:
     job = attempts.add()
-    answer = attempts.success()
 
     class Late(FakeChild):
         def receive(self, timeout_s: float) -> Any:
             attempts.transitions.cancel(job.id)
-            return answer
+            return SUCCEEDED
 
     assert attempts.supervise([Late()]).status == "cancelled"
 
@@ -307,7 +321,7 @@ def test_a_store_that_is_away_for_a_while_loses_nothing(
     monkeypatch.setattr(
         attempts.transitions, method, away(getattr(attempts.transitions, method), 3)
     )
-    said = [attempts.success() if line is None else line for line in lines]
+    said = [SUCCEEDED if line is None else line for line in lines]
     assert attempts.run(said).status == status
 
 
@@ -330,11 +344,11 @@ def test_the_lease_is_extended_while_the_child_works(
     monkeypatch.setattr(
         attempts.transitions, "extend_lease", lambda job, *, lease_s: beats.append(job.id) is None
     )
-    assert attempts.run([Progress("search", 0.5), attempts.success()]).status == "succeeded"
+    assert attempts.run([Progress("search", 0.5), SUCCEEDED]).status == "succeeded"
     assert len(beats) == 1
 
 
 def test_each_child_is_made_known_so_that_a_cancel_can_kill_it(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
-    attempts.run([Fetched(attempts.put(b"cloud"), None, {})], [attempts.success()])
+    attempts.run([Fetched(FETCHED, None, {})], [SUCCEEDED])
     assert attempts.started == attempts.children

@@ -1,0 +1,74 @@
+"""What a child left in its scratch folder, checked and stored by the service process.
+
+A child that reads strangers' files may have been taken over: it names no stored file, and nothing
+that it wrote is used before it is checked.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from service.outbound import CachedFile, HttpCache, Validators
+from service.schemas.result import Result
+from service.schemas.serialize_result import INLIER_DTYPE
+from service.storage.blobs import Blob, BlobStore
+from service.storage.plain_file import NotPlainFileError, is_plain_file, open_plain_file
+from service.workers.child import ChildLostError
+from service.workers.messages import FetchedFile
+from service.workers.register_clouds import INLIERS_NAME, RESULT_NAME
+
+MAX_RESULT_BYTES = 64 << 20
+"""Length of a result document; one with MAX_INLINE_PAIRS has 2 MB."""
+
+
+def store_result(scratch: Path, blobs: BlobStore) -> tuple[Blob, Blob]:
+    """Copy the result and the inlier pairs of a registration to the blob store.
+
+    Raises
+    ------
+    ChildLostError
+        A file is missing or not valid.
+    """
+    try:
+        with open_plain_file(scratch / RESULT_NAME) as file:
+            content = file.read(MAX_RESULT_BYTES + 1)
+        result = Result.model_validate_json(content[:MAX_RESULT_BYTES])
+        inliers = _copy(scratch / INLIERS_NAME, blobs)
+        rows = np.load(blobs.path(inliers.sha256), mmap_mode="r", allow_pickle=False)
+    except (NotPlainFileError, ValidationError, ValueError, EOFError) as error:
+        raise ChildLostError("its result is missing or not valid") from error
+    if rows.dtype != INLIER_DTYPE or rows.shape != (result.inliers.count,):
+        raise ChildLostError("its inlier pairs are not those of its result")
+    return blobs.put([content]), inliers
+
+
+def store_fetched(
+    file: FetchedFile, path: Path, blobs: BlobStore, cache: HttpCache, *, max_bytes: int
+) -> Blob:
+    """Move a fetched file to the blob store, or find the cached one that is still current.
+
+    Raises
+    ------
+    ChildLostError
+        The file is missing or too long.
+    """
+    if file.is_cached:
+        cached = cache.find(file.key)
+        if cached is None:
+            raise ChildLostError("the cached file was removed before it was used")
+        return cached.blob
+    if not is_plain_file(path) or path.stat().st_size > max_bytes:
+        raise ChildLostError("the file that it fetched is missing or too long")
+    blob = blobs.adopt(path)
+    cache.store(file.key, CachedFile(blob, Validators(file.etag, file.last_modified)))
+    return blob
+
+
+def _copy(path: Path, blobs: BlobStore) -> Blob:
+    with open_plain_file(path) as file, blobs.writer() as writer:
+        shutil.copyfileobj(file, writer, 1 << 20)
+        return writer.commit()
