@@ -25,6 +25,8 @@ from service.formats.multi_scan import select_scans
 
 MAGIC = b"ASTM-E57"
 _MAX_XML_BYTES = 16 << 20
+_XML_DECLARATION = re.compile(rb"<\?xml[ \t\r\n][^<>]{0,200}\?>")
+_XML_ENCODING = re.compile(rb"encoding[ \t\r\n]*=[ \t\r\n]*[\"']([^\"']*)")
 _CHUNK_POINTS = 1_000_000
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -86,11 +88,27 @@ def _check_header(path: Path) -> None:
     xml = held[xml_at - start :][:xml_length]
     if len(xml) < xml_length:
         raise TruncatedFileError(f"byte {size}: the file ends within its XML")
+    _check_xml(xml)
+    _check_prototypes(xml)
+
+
+def _check_xml(xml: bytes) -> None:
+    """Check that the XML is UTF-8, as the standard demands, without document type and entities.
+
+    A parser that takes the bytes for another encoding would read other markup than this check.
+    """
+    declaration = _XML_DECLARATION.match(xml)
+    if declaration is None or b"\0" in xml:
+        raise MalformedFileError("the XML does not begin with <?xml, or is not in UTF-8")
+    encoding = _XML_ENCODING.search(declaration[0])
+    if encoding is not None and encoding[1].lower() != b"utf-8":
+        raise MalformedFileError(
+            f"the XML is in the encoding {encoding[1][:20]!r}; E57 demands UTF-8"
+        )
     if re.search(rb"<!\s*(DOCTYPE|ENTITY)", xml):
         raise UnsupportedFileError(
             "the XML declares a document type or entities, which are not read"
         )
-    _check_prototypes(xml)
 
 
 def _check_prototypes(xml: bytes) -> None:

@@ -14,10 +14,12 @@ Each message gives the place (byte, line or element) where it is known.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 _MAX_NAMES = 40
 """Attribute names listed in an error message."""
+_PATH = re.compile(r"(?<![\w/\\])(?:[A-Za-z]:|\.\.?)?[/\\][^\s'\")]+")
 _MAX_REASON = 200
 """Characters kept of the message of a library."""
 
@@ -65,6 +67,13 @@ def missing_attribute(name: str, known: Iterable[str]) -> MissingAttributeError:
 
 
 def short_reason(error: BaseException) -> str:
-    """Return the first line of an exception's message, shortened, or the name of its class."""
+    """Return the first line of an exception's message, shortened, or the name of its class.
+
+    Words that look like a path are left out: a caller must not learn where files lie.
+    """
     lines = str(error).splitlines()
-    return lines[0][:_MAX_REASON] if lines else type(error).__name__
+    if not lines:
+        return type(error).__name__
+    if isinstance(error, OSError) and error.strerror is not None:
+        return error.strerror  # the message names the file
+    return _PATH.sub("(path)", lines[0])[:_MAX_REASON]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
 from typing import Any
@@ -96,10 +97,13 @@ def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]
     trimesh = import_library("trimesh")
     vertices, faces = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
     try:
-        with path.open("rb") as file:
-            scene: Any = trimesh.load_scene(
-                file, file_type=kind, process=False, skip_materials=True
-            )
+        scene: Any = trimesh.load_scene(
+            io.BytesIO(path.read_bytes()),
+            file_type=kind,
+            resolver={},  # knows no other file
+            process=False,
+            skip_materials=True,
+        )
         for part in scene.dump():
             if hasattr(part, "faces"):
                 corners = np.asarray(part.faces, np.int64).reshape(-1, 3)
@@ -108,8 +112,7 @@ def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]
     except MemoryError:
         raise
     except Exception as error:  # noqa: BLE001  trimesh raises nearly anything on damaged files
-        reason = short_reason(error)
-        raise MalformedFileError(f"the mesh cannot be read: {reason}") from None
+        raise MalformedFileError(f"the mesh cannot be read: {short_reason(error)}") from None
     return np.concatenate(vertices), np.concatenate(faces)
 
 

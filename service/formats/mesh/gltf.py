@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from service.formats.errors import (
 MAGIC = b"glTF"
 _TOP_LEVEL_KEYS = (b"asset", b"accessors", b"buffers", b"bufferViews", b"meshes")
 _MAX_JSON_BYTES = 64 << 20
+_EMBEDDED = re.compile(r"data:[A-Za-z0-9.+/-]{0,100};base64,")
 _MAX_NODES = 100_000
 _MAX_DEPTH = 100
 """Levels of nodes; the time that trimesh takes grows with the square of the depth."""
@@ -79,8 +81,7 @@ def _check_binary_header(head: bytes, size: int) -> int:
 
 def _check_document(document: dict[str, Any], size: int, limits: ReadLimits) -> None:
     for item in document.get("buffers", []):
-        uri = str(item.get("uri", "data:;base64,"))
-        if not (uri.startswith("data:") and ";base64," in uri[:200]):
+        if not _EMBEDDED.match(str(item.get("uri", "data:;base64,"))):
             raise UnsupportedFileError(
                 "the file refers to data in other files; send a .glb with all data embedded"
             )

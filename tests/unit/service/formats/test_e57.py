@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import MalformedFileError, read_points
+from service.formats import CloudFileError, MalformedFileError, read_points
+from service.formats.e57 import _check_xml
 from tests.factories.decoding import write_file
 from tests.factories.scanner_files import DOUBLES, e57, whole_e57
 
@@ -34,3 +35,27 @@ def test_points_without_a_prototype_are_refused(tmp_path: Path, mode: str) -> No
         content = content[:start] + b" " * (end - start) + content[end:]
     with pytest.raises(MalformedFileError, match="no prototype"):
         read_points(write_file(tmp_path, whole_e57(content)))
+
+
+@pytest.mark.parametrize(
+    ("xml", "accepted"),
+    [
+        (b'<?xml version="1.0" encoding="UTF-8"?><e57Root/>', True),
+        (b"<?xml version='1.0' encoding = 'utf-8' ?><e57Root/>", True),
+        (b'<?xml version="1.0"?><e57Root/>', True),
+        (b"<e57Root/>", False),
+        (b'<?xml version="1.0" encoding="EBCDIC-CP-US"?><e57Root/>', False),
+        (b'<?xml version="1.0" encoding="UTF-16"?><e57Root/>', False),
+        ('<?xml version="1.0" encoding="UTF-16"?><e57Root/>'.encode("utf-16"), False),
+        ('<?xml version="1.0"?><!DOCTYPE a><e57Root/>'.encode("utf-16-le"), False),
+        (b'<?xml version="1.0"?>\0<e57Root/>', False),
+        (b'<?xml version="1.0"?><!DOCTYPE a><e57Root/>', False),
+        (b'<?xml version="1.0"?><!ENTITY a "b"><e57Root/>', False),
+    ],
+)
+def test_the_xml_is_utf_8_without_document_type(xml: bytes, accepted: bool) -> None:
+    if accepted:
+        _check_xml(xml)
+    else:
+        with pytest.raises(CloudFileError):
+            _check_xml(xml)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from service.formats import CloudFileError, FileLimitError, ReadLimits, read_points
+from service.formats.errors import short_reason
 from tests.factories.cloud_files import POINTS, text_rows
 from tests.factories.decoding import decode, write_file
 from tests.factories.scanner_files import DOUBLES, FACES, glb, gltf, obj, off, stl_binary
@@ -113,11 +114,20 @@ def test_pictures_in_other_files_are_not_needed(tmp_path: Path) -> None:
     np.testing.assert_allclose(decode(tmp_path, content).points, DOUBLES, atol=2e-5)
 
 
-@pytest.mark.parametrize("uri", ["data:/0123abcd", "data:application/octet-stream,abc", "a.bin"])
+@pytest.mark.parametrize(
+    "uri",
+    ["data:/0123abcd", "data:/ab?;base64,", "data:application/octet-stream,abc", "a.bin"],
+)
 def test_buffers_are_embedded_in_base64(tmp_path: Path, uri: str) -> None:
     """Other URIs would be resolved as names of files beside the cloud."""
     with pytest.raises(CloudFileError, match="other files"):
         decode(tmp_path, glb(buffers=[{"byteLength": 9, "uri": uri}]))
+
+
+def test_a_library_s_words_name_no_path() -> None:
+    error = ValueError("escapes root '/var/lib/mpe/blobs/f9' or C:\\data\\x, rows/columns 1/2")
+    assert short_reason(error) == "escapes root '(path)' or (path) rows/columns 1/2"
+    assert short_reason(FileNotFoundError(2, "No such file", "/var/lib/mpe")) == "No such file"
 
 
 def test_commas_in_an_obj_are_no_numbers(tmp_path: Path) -> None:
