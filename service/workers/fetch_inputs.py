@@ -20,6 +20,11 @@ def needs_fetching(cloud: CloudInput) -> bool:
     return cloud.sha256 is None and cloud.url is not None
 
 
+def is_fetched_once(source: CloudInput, target: CloudInput) -> bool:
+    """Return whether both clouds are the file at one URL, which is fetched for the source."""
+    return needs_fetching(source) and needs_fetching(target) and source.url == target.url
+
+
 def aws_variables(*clouds: CloudInput) -> dict[str, str]:
     """Return the AWS_ variables of this process if a cloud has to be fetched from S3."""
     if not any(needs_fetching(c) and str(c.url).startswith(S3_SCHEME) for c in clouds):
@@ -64,7 +69,10 @@ class FetchInputs(Task):
         report.send("fetch", 0.0)
         with report.stage("fetch"):
             source = self._fetch_if_needed("source", self.source)
-            target = self._fetch_if_needed("target", self.target)
+            if is_fetched_once(self.source, self.target):
+                target = source
+            else:
+                target = self._fetch_if_needed("target", self.target)
         return Fetched(source, target, report.timing)
 
     def _fetch_if_needed(self, role: str, cloud: CloudInput) -> FetchedFile | None:

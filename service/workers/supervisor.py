@@ -31,7 +31,12 @@ from service.storage.scratch import scratch_folder
 from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError, NoProcessError
 from service.workers.child_files import store_fetched, store_result
-from service.workers.fetch_inputs import FetchInputs, aws_variables, needs_fetching
+from service.workers.fetch_inputs import (
+    FetchInputs,
+    aws_variables,
+    is_fetched_once,
+    needs_fetching,
+)
 from service.workers.messages import (
     Answer,
     Failed,
@@ -185,7 +190,10 @@ class AttemptSupervisor:
             return None
         cache = HttpCache(self.settings.data_dir, job.tenant)
         source = self._with_content(job.source, answer.source, task.output("source"), cache)
-        target = self._with_content(job.target, answer.target, task.output("target"), cache)
+        if is_fetched_once(job.source, job.target):
+            target = replace(job.target, sha256=source.sha256, size=source.size)
+        else:
+            target = self._with_content(job.target, answer.target, task.output("target"), cache)
         fetched = replace(job, source=source, target=target, timing=answer.timing)
         return (
             fetched
