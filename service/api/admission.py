@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
 
 import psutil
 from fastapi import Request
@@ -83,6 +84,38 @@ def _release(runtime: Runtime, caller: Caller, size: int) -> None:
     runtime.disk.release(size)
 
 
+def check_disk(runtime: Runtime) -> None:
+    """Check that the disk has room.
+
+    Raises
+    ------
+    OverloadedError
+        Less than MPE_MIN_FREE_DISK_BYTES is free.
+    """
+    if runtime.disk.is_short:
+        raise OverloadedError("Too little disk is left; retry later.")
+
+
+@contextmanager
+def count_file(runtime: Runtime, caller: Caller, path: Path) -> Iterator[None]:
+    """Count a written file as stored by the tenant while the context lasts.
+
+    Raises
+    ------
+    OverloadedError
+        It leaves too little of the disk.
+    QuotaExceededError
+        It exceeds what the tenant may store.
+    """
+    check_disk(runtime)
+    size = path.stat().st_size
+    runtime.storage_quota.reserve(caller, size)
+    try:
+        yield
+    finally:
+        runtime.storage_quota.release(caller, size)
+
+
 def check_capacity(runtime: Runtime, caller: Caller) -> None:
     """Check that the service could queue a registration of the caller now.
 
@@ -103,7 +136,6 @@ def check_capacity(runtime: Runtime, caller: Caller) -> None:
     check_queue_limit(runtime.jobs.count("queued"), settings.queue_limit)
     if tenant_limit is not None:
         check_tenant_queue_limit(runtime.jobs.count("queued", caller.tenant), tenant_limit)
-    if runtime.disk.is_short:
-        raise OverloadedError("Too little disk is left; retry later.")
+    check_disk(runtime)
     if psutil.virtual_memory().available < settings.min_free_memory_bytes:
         raise OverloadedError("Too little memory is left; retry later.")

@@ -12,7 +12,8 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.api.dependencies import CurrentRuntime, RequestedJob
+from service.api.admission import check_disk, count_file
+from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
 from service.api.disconnect import unless_disconnected
 from service.api.threads import OwnThreads
 from service.jobs.model import JobRow
@@ -30,6 +31,7 @@ async def _export(
     request: Request,
     job: RequestedJob,
     runtime: CurrentRuntime,
+    caller: CurrentCaller,
     format: Annotated[
         Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
     ] = "ply",
@@ -40,7 +42,7 @@ async def _export(
         ),
     ] = False,
 ) -> AsyncIterator[Path]:
-    """Write the file and remove it once the response has been sent."""
+    """Write the file, count it as stored, and remove it once the response has been sent."""
     export = await run_in_threadpool(_prepare, job, runtime, format, merged)
     with ExitStack() as file:
         await unless_disconnected(request, runtime.export_gate.acquire(job.tenant))
@@ -49,6 +51,7 @@ async def _export(
         finally:
             runtime.export_gate.release(job.tenant)
         try:
+            await run_in_threadpool(file.enter_context, count_file(runtime, caller, path))
             yield path
         finally:
             await run_in_threadpool(file.close)
@@ -66,6 +69,7 @@ def _prepare(
     if result is None or not all(path and path.exists() for path in (result, *clouds)):
         raise ExpiredError("The result or a cloud has expired; register the clouds again.")
     transform = json.loads(result.read_bytes())["transform"]
+    check_disk(runtime)
     return runtime.exporter.export(job, transform, format=format, merged=merged)
 
 

@@ -10,7 +10,14 @@ from unittest import mock
 
 import pytest
 
-from service.api.admission import check_capacity, reserve_body_bytes, reserve_bytes, reserve_disk
+from service.api.admission import (
+    check_capacity,
+    check_disk,
+    count_file,
+    reserve_body_bytes,
+    reserve_bytes,
+    reserve_disk,
+)
 from service.auth.authenticator import Caller
 from service.auth.keys import KeyLimits
 from service.auth.quotas import StorageQuota
@@ -142,3 +149,25 @@ def test_a_refusal_by_the_quota_reserves_no_disk(tmp_path: Path) -> None:
                 pass
 
     on_runtime(tmp_path, check, min_free_disk_bytes=0)
+
+
+def test_a_written_file_counts_as_stored_while_it_is_sent(tmp_path: Path) -> None:
+    caller = Caller(TENANT, KeyLimits(stored_bytes=100))
+    path = tmp_path / "aligned.ply"
+    path.write_bytes(bytes(60))
+
+    def check(runtime: Runtime) -> None:
+        with count_file(runtime, caller, path):
+            assert runtime.storage_quota.used(TENANT) == 60
+            with pytest.raises(QuotaExceededError), count_file(runtime, caller, path):
+                pass
+
+    on_runtime(tmp_path, check)
+
+
+def test_no_file_is_written_on_a_full_disk(tmp_path: Path) -> None:
+    def check(runtime: Runtime) -> None:
+        with pytest.raises(OverloadedError, match="disk"):
+            check_disk(runtime)
+
+    on_runtime(tmp_path, check, min_free_disk_bytes=PLENTY)
