@@ -15,6 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from service.api.admission import check_disk, count_file
 from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
 from service.api.disconnect import unless_disconnected
+from service.api.download import DownloadResponse
 from service.api.threads import OwnThreads
 from service.jobs.model import JobRow
 from service.problems import ExpiredError, ResultNotReadyError
@@ -86,6 +87,6 @@ def _prepare(
         }
     },
 )
-def aligned(job: RequestedJob, path: Annotated[Path, Depends(_export)]) -> FileResponse:
+def aligned(job: RequestedJob, path: Annotated[Path, Depends(_export)]) -> DownloadResponse:
     """Write the file on demand, in a process of its own."""
-    return FileResponse(path, media_type=FILE, filename=f"{job.id}-{path.name}")
+    return DownloadResponse(path, media_type=FILE, filename=f"{job.id}-{path.name}")

@@ -8,9 +8,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from fastapi import APIRouter, Header, Query, Response
-from fastapi.responses import FileResponse, StreamingResponse
+from fastapi.responses import StreamingResponse
 
+from service.api.accept import preferred_type
 from service.api.dependencies import CurrentRuntime, RequestedJob
+from service.api.download import DownloadResponse
 from service.api.threads import OwnThreads
 from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
@@ -52,7 +54,7 @@ def get_inliers(
         raise ExpiredError("The result is missing on the disk; register the clouds again.")
     array = runtime.blobs.path(job.inliers_sha256)
     if (format or _preferred_format(accept)) == "npy":
-        return FileResponse(array, media_type=NPY, filename=f"{job.id}-inliers.npy")
+        return DownloadResponse(array, media_type=NPY, filename=f"{job.id}-inliers.npy")
     rows = np.load(array, mmap_mode="r", allow_pickle=False)
     result = json.loads(runtime.blobs.path(job.result_sha256).read_bytes())
     chunks = iter_inliers_json(rows, result["inliers"]["threshold"])
@@ -66,9 +68,7 @@ async def _render(chunks: Iterator[str]) -> AsyncIterator[str]:
 
 
 def _preferred_format(accept: str) -> Literal["json", "npy"]:
-    wanted = [part.partition(";")[0].strip().lower() for part in accept.split(",")]
-    if NPY in wanted:
-        return "npy"
-    if not {"application/json", "application/*", "*/*"}.isdisjoint(wanted):
-        return "json"
-    raise NotAcceptableError(f"The inliers are available as application/json and {NPY}.")
+    kind = preferred_type(accept, ("application/json", NPY))
+    if kind is None:
+        raise NotAcceptableError(f"The inliers are available as application/json and {NPY}.")
+    return "npy" if kind == NPY else "json"
