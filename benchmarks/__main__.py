@@ -9,10 +9,22 @@ from benchmarks.kernels import KERNELS
 from benchmarks.pairs import PAIRS
 from benchmarks.parts import PARTS
 from benchmarks.scaling import SCALING
+from benchmarks.scenes import SCENES_EXPERIMENT
 from benchmarks.service_load import LOAD
 
 if __name__ == "__main__":
     main(
-        [KERNELS, PAIRS, HELD_OUT, PARTS, CLOSURE, CONFIDENCE, CALIBRATION, SCALING, LOAD],
+        [
+            KERNELS,
+            PAIRS,
+            HELD_OUT,
+            PARTS,
+            SCENES_EXPERIMENT,
+            CLOSURE,
+            CONFIDENCE,
+            CALIBRATION,
+            SCALING,
+            LOAD,
+        ],
         "python -m benchmarks",
     )

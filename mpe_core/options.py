@@ -93,8 +93,9 @@ class RegistrationOptions:
     points along -z, or as given by source_gravity and target_gravity."""
 
     source_viewpoint: Vector | None = None
-    """Position of the scanner in the source's frame. With target_viewpoint, surfaces that were seen
-    from opposite sides are not matched, so that thin parts do not flip."""
+    """Position of the scanner in the source's frame. With target_viewpoint, points that stand in
+    what the other scanner saw through count against a pose, and surfaces that were seen from
+    opposite sides are not matched, so that thin parts do not flip."""
 
     target_viewpoint: Vector | None = None
     """Position of the scanner in the target's frame."""

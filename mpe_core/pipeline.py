@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import Evidence
+from mpe_core.assess.free_space import FreeSpace
+from mpe_core.assess.layer_conflict import LayerConflict
 from mpe_core.assess.score import PoseScorer
+from mpe_core.clouds.ground import Ground, find_ground, may_have_ground
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import FractionCallback, Progress
@@ -19,6 +22,7 @@ from mpe_core.refine.point_to_plane import PointToPlane
 from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
+from mpe_core.search.levelled_search import LevelledCloud, find_levelled_poses
 from mpe_core.search.nearest_lattice import NearestLattice, build_lattice
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import (
@@ -37,6 +41,13 @@ REFINE_ABOVE = 0.7
 MAX_REFINED = 8
 """Candidates of a search that are refined fully; the others are left after a short refinement of
 some of their points (docs/tuning.md)."""
+
+LEVELLED_CANDIDATES = 48
+"""Candidates of the levelled search that are refined shortly."""
+
+MIN_GROUND_SHARE = 0.15
+"""Share of the points on the dominant plane of both clouds from which on the levelled search is
+tried. Figures and shelves have less (docs/tuning.md)."""
 
 AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
 """Surface agreement and on-surface fraction by which a pose may fall short of the best one and
@@ -84,6 +95,8 @@ class PosePipeline:
             overlap=options.overlap or 1.0,
             # near an initial pose there are no more chance fits than on a cloud of like size
             size_ratio=size_ratio if prior.initial is None else 1.0,
+            free_space=_free_space(source, target),
+            layers=self._compare_layers(),
         )
         self.planes = planes
         self.refiner: Refiner = planes
@@ -110,6 +123,10 @@ class PosePipeline:
                 self._refine_candidates(candidates, level, poses, report)
             if _has_convincing(poses, level):
                 break
+            if level is SEARCH_LEVELS[0] and self._shows_ground:
+                self._search_levelled(poses, progress)
+                if _has_convincing(poses, level):
+                    break
         return _select_equal(sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True))
 
     def find_candidates(self, level: SearchLevel, report: FractionCallback) -> Candidates:
@@ -117,6 +134,32 @@ class PosePipeline:
         return find_poses(
             self.source.surface, self._lattice, level, self._prior, self._options.seed, report
         )
+
+    def find_levelled_candidates(self, report: FractionCallback) -> Candidates:
+        """Search for poses that lay the grounds of both clouds on each other, best first."""
+        (x, y), (source, target) = self._grounds, (self.source.surface, self.target.surface)
+        fixed = LevelledCloud.from_points(target.points, y)
+        grounds = (x,) if x.is_extremal and y.is_extremal else (x, x.flipped())
+        found = [
+            find_levelled_poses(
+                LevelledCloud.from_points(source.points, ground), fixed, LEVELLED_CANDIDATES, report
+            )
+            for ground in grounds
+        ]
+        poses = np.concatenate([each.poses for each in found])
+        scores = np.concatenate([each.scores for each in found])
+        accepted = self._prior.accepts(poses)
+        poses, scores = poses[accepted], scores[accepted]
+        kept = distinct_rows(poses, scores, LEVELLED_CANDIDATES)
+        return Candidates(poses[kept], scores[kept])
+
+    def _search_levelled(self, poses: list[ScoredPose], progress: Progress) -> None:
+        """Append the poses of the levelled search."""
+        with progress.stage("search") as report:
+            candidates = self.find_levelled_candidates(report)
+        with progress.stage("refine") as report:
+            rows = self._preselect(candidates.poses, report)
+            poses += [self.refine(candidates.poses[k]) for k in rows]
 
     def refine(self, T: Array) -> ScoredPose:
         """Refine and score a coarse pose T (4, 4)."""
@@ -153,6 +196,24 @@ class PosePipeline:
             confidence.append(evidence.confidence)
         return sorted(rows, key=lambda row: -confidence[row])[:MAX_REFINED]
 
+    def _compare_layers(self) -> LayerConflict | None:
+        """Look at both clouds from above; None unless both show their ground."""
+        if not self._shows_ground:
+            return None
+        return LayerConflict(self.source.surface.points, self.target.surface.points, *self._grounds)
+
+    @cached_property
+    def _grounds(self) -> tuple[Ground, Ground]:
+        return find_ground(self.source.surface.points), find_ground(self.target.surface.points)
+
+    @cached_property
+    def _shows_ground(self) -> bool:
+        """Whether both clouds show a dominant plane."""
+        surfaces = self.source.surface, self.target.surface
+        if not all(may_have_ground(surface.points, surface.normals) for surface in surfaces):
+            return False
+        return min(ground.share for ground in self._grounds) >= MIN_GROUND_SHARE
+
     @cached_property
     def _lattice(self) -> NearestLattice:
         return build_lattice(self.target.surface)
@@ -170,6 +231,13 @@ def _plane_refiner(
         basis = prior.inverse().motion_basis()
         return SwappedPointToPlane(PointToPlane(target, source, basis, regime, options))
     return PointToPlane(source, target, prior.motion_basis(), regime, options)
+
+
+def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | None:
+    """Free space of both scans; None unless both viewpoints are known."""
+    if source.viewpoint is None or target.viewpoint is None:
+        return None
+    return FreeSpace(source.fine, target.fine, source.viewpoint, target.viewpoint)
 
 
 def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
+from mpe_core.assess.free_space import FreeSpace
+from mpe_core.assess.layer_conflict import LayerConflict
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.swapped import PlaneRefiner
 from mpe_core.refine.target_planes import Correspondences
@@ -34,7 +36,13 @@ class PoseScorer:
     """Evidence for any pose of the source on the target."""
 
     def __init__(
-        self, planes: PlaneRefiner, regime: Regime, overlap: float, size_ratio: float
+        self,
+        planes: PlaneRefiner,
+        regime: Regime,
+        overlap: float,
+        size_ratio: float,
+        free_space: FreeSpace | None = None,
+        layers: LayerConflict | None = None,
     ) -> None:
         """Choose the tolerances for a pair of clouds.
 
@@ -48,7 +56,13 @@ class PoseScorer:
             Share of the source that can have a counterpart.
         size_ratio
             Radius of the larger cloud over that of the smaller one.
+        free_space
+            What both scanners saw through, where their positions are known.
+        layers
+            What stands on the grounds of both clouds, where they show one.
         """
+        self._free_space = free_space
+        self._layers = layers
         self._planes, self._overlap, self._size_ratio = planes, overlap, size_ratio
         self._tolerance = max(
             ON_SURFACE_TOL,
@@ -59,14 +73,23 @@ class PoseScorer:
 
     def score(self, T: Array) -> Evidence:
         """Measure the evidence for the pose T (4, 4)."""
-        evidence = self._evidence(self._planes.match(T))
+        evidence = self._with_contradictions(self._evidence(self._planes.match(T)), T)
         if self._size_ratio <= MAX_CALIBRATED_SIZE_RATIO:
             return evidence
         return replace(evidence, degenerate_dof=self._planes.count_degenerate(T))
 
     def score_after_short_refinement(self, T: Array) -> Evidence:
         """Measure the evidence that a few steps on a subset reach from the pose T (4, 4)."""
-        return self._evidence(self._planes.match_after_short_refinement(T))
+        evidence = self._evidence(self._planes.match_after_short_refinement(T))
+        return self._with_contradictions(evidence, T)
+
+    def _with_contradictions(self, evidence: Evidence, T: Array) -> Evidence:
+        """Add what speaks against the pose T (4, 4)."""
+        if self._free_space is not None:
+            evidence = replace(evidence, free_space_violation=self._free_space.violation(T))
+        if self._layers is not None:
+            evidence = replace(evidence, layer_conflict=self._layers.share(T))
+        return evidence
 
     def _evidence(self, matches: Correspondences) -> Evidence:
         near = matches.in_range & (np.abs(matches.normals).sum(axis=1) > 0)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mpe_core.assess.confidence import Evidence
+from mpe_core.assess.confidence import (
+    MAX_FREE_SPACE_VIOLATION,
+    MAX_LAYER_CONFLICT,
+    Evidence,
+)
 from mpe_core.clouds.normalize import CloudPair
 from mpe_core.clouds.unit_check import describe_unit_mismatch
 from mpe_core.result import Registration
@@ -54,9 +58,24 @@ def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[str]:
         " (chance-corrected) lie on its surface; the clouds may overlap too little, or show"
         " different things"
     )
+    yield from _about_contradictions(evidence)
     mismatch = describe_unit_mismatch(*pair.radii())
     if mismatch:
         yield mismatch
+
+
+def _about_contradictions(evidence: Evidence) -> Iterator[str]:
+    violation, conflict = evidence.free_space_violation, evidence.layer_conflict
+    if violation is not None and violation > MAX_FREE_SPACE_VIOLATION:
+        yield (
+            f"{violation:.0%} of the visible points of one scan stand where the other scanner saw"
+            " through: check the viewpoints, or give a rough initial_transform"
+        )
+    if conflict is not None and conflict > MAX_LAYER_CONFLICT:
+        yield (
+            f"{conflict:.0%} of what one cloud shows over the ground is missing in the other,"
+            " which shows the place: the clouds may overlap too little for this pose"
+        )
 
 
 def _about_ambiguity(result: Registration) -> Iterator[str]:

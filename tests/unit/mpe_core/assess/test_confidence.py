@@ -1,5 +1,6 @@
 """How far to trust a pose of clouds of unlike sizes."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -97,3 +98,16 @@ def test_patches_of_ground_seldom_pass_where_they_do_not_belong(street, monkeypa
 def test_who_says_where_to_look_has_patches_of_ground_accepted(street):
     assert accepted(street, right=True, near=True) >= 4
     assert accepted(street, right=True) <= 2
+
+
+def test_what_contradicts_a_pose_lowers_its_confidence_and_its_rank():
+    plain = Evidence(coverage=0.8, on_surface_fraction=0.7, surface_agreement=0.85)
+    drift = replace(plain, free_space_violation=0.05, layer_conflict=0.2)
+    assert drift.confidence == plain.confidence
+    for contradicted in (
+        replace(plain, free_space_violation=0.4),
+        replace(plain, layer_conflict=0.5),
+    ):
+        assert plain.accepted
+        assert not contradicted.accepted
+        assert contradicted.sort_key < plain.sort_key

@@ -1,0 +1,66 @@
+"""Free space: a pose is wrong that lays points of one scan into what the other saw through."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.geometry.range_image import RangeImage
+from mpe_core.geometry.rigid import apply, inverse
+
+Array = NDArray[np.float64]
+
+RANGE_MARGIN = 0.08
+"""Share of the range by which a point has to stand in front of a surface to stand in free space,
+or behind it to be hidden (docs/tuning.md)."""
+
+MIN_COMPARED = 25
+"""Points that have to be comparable with a range image; fewer tell nothing."""
+
+MAX_POINTS = 4000
+"""Points of each cloud that are compared with the range image of the other one."""
+
+
+class FreeSpace:
+    """Range images of both scans of a pair, from their viewpoints."""
+
+    def __init__(
+        self,
+        source: NDArray[np.float32],
+        target: NDArray[np.float32],
+        source_viewpoint: Array,
+        target_viewpoint: Array,
+    ) -> None:
+        """Build the range images of source (N, 3) and target (M, 3), each in its own frame."""
+        self._source_image = RangeImage(source, source_viewpoint)
+        self._target_image = RangeImage(target, target_viewpoint)
+        self._source = _every(source, MAX_POINTS)
+        self._target = _every(target, MAX_POINTS)
+
+    def violation(self, T: Array) -> float:
+        """Share of the visible points of one scan that stand in the free space of the other.
+
+        Points that the other scan did not look at, or that are hidden from it, do not count. The
+        larger of both directions, in [0, 1]; near 0 for a right pose.
+
+        Parameters
+        ----------
+        T
+            (4, 4) T_target_source.
+        """
+        return max(
+            _violation(self._target_image, apply(T, self._source)),
+            _violation(self._source_image, apply(inverse(T), self._target)),
+        )
+
+
+def _violation(image: RangeImage, points: Array) -> float:
+    ranges, seen, is_seen = image.look_up(points)
+    in_front = is_seen & (ranges < (1 - RANGE_MARGIN) * seen)
+    visible = is_seen & (ranges < (1 + RANGE_MARGIN) * seen)
+    compared = max(int(visible.sum()), MIN_COMPARED)
+    return float(in_front.sum() / compared)
+
+
+def _every(points: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+    return points[:: max(1, len(points) // count)].copy()

@@ -1,0 +1,245 @@
+"""Search over four degrees of freedom for levelled scenes: a turn about the vertical and a shift.
+
+Two scans that show one ground are seen from above, as occupancy grids (Moravec and Elfes 1985) at a
+few heights over the ground. A cell is occupied if points lie in it, and clear if the scan shows a
+surface there but nothing at that height. For each turn, cross-correlation by FFT counts for all
+shifts at once how many occupied cells meet occupied ones, and how many meet clear ones:
+
+    score(turn, shift) = matches - conflict_weight * conflicts
+
+Unlike the overlap of points, this counts against a pose what should be seen at it and is not: large
+flat surfaces that slide on themselves say nothing, and a small overlap that fits beats a large one
+that does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.ndimage import minimum_filter
+
+from mpe_core.clouds.ground import Ground
+from mpe_core.geometry.rigid import pose
+from mpe_core.progress import FractionCallback
+from mpe_core.search.pose_search import Candidates
+
+Array = NDArray[np.float64]
+Grid = NDArray[np.bool_]
+
+CELL_SIZE = 0.02
+"""Edge of a grid cell in radii of the smaller cloud: about the spacing of the thinned points."""
+
+MAX_GRID_CELLS = 512
+"""Cells along one side of a grid; wider scenes are cut off there."""
+
+LAYER_EDGES = np.array([0.012, 0.05, 0.12, 0.3, 1.0])
+"""Heights over the ground between the layers, in radii of the smaller cloud; below the first lies
+the ground itself."""
+
+LAYERS = len(LAYER_EDGES) - 1
+
+GROUND_CELL_SIZE = 0.08
+"""Edge of the cells in which the lowest point is the local ground: slopes are no obstacles."""
+
+TURN_STEP_DEG = 3.0
+"""Step of the turns about the vertical: half a cell at 0.4 radii."""
+
+CONFLICT_WEIGHTS = (1.0, 5.0)
+"""Weights of a conflict over a match. The first finds airborne strips and streets, the second
+halls with low overlap (docs/tuning.md)."""
+
+SHIFTS_PER_TURN = 4
+"""Peaks that are taken for each turn and each weight."""
+
+PEAK_RADIUS = 3
+"""Cells around a peak in which no other is taken."""
+
+
+@dataclass(frozen=True)
+class LevelledCloud:
+    """Points seen from above, with their heights over the ground."""
+
+    R: Array
+    """(3, 3) rotation that turns the vertical to z."""
+    ground_height: float
+    """Height of the ground along the vertical."""
+    xy: Array
+    """(N, 2) positions."""
+    layer: NDArray[np.int64]
+    """(N,) layer of each point; -1 on the ground, LAYERS above all layers."""
+
+    @classmethod
+    def from_points(cls, points: NDArray[np.float32], ground: Ground) -> LevelledCloud:
+        """Look at the points (N, 3) from above."""
+        R = _rotation_to_z(ground.up)
+        levelled = np.einsum("ij,nj->ni", R, points.astype(np.float64))
+        over_ground = levelled[:, 2] - _local_ground(levelled)
+        layer = np.searchsorted(LAYER_EDGES, over_ground) - 1
+        return cls(R, ground.height, levelled[:, :2].copy(), layer)
+
+    @cached_property
+    def centre(self) -> Array:
+        """(2,) centre of the box around the points."""
+        middle: Array = (self.xy.max(axis=0) + self.xy.min(axis=0)) / 2
+        return middle
+
+    @cached_property
+    def radius(self) -> float:
+        """Largest distance of a point from the centre."""
+        return float(np.sqrt(np.square(self.xy - self.centre).sum(axis=1).max()))
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyGrids:
+    """Grids (LAYERS, n, n) of a cloud seen from above."""
+
+    occupied: Grid
+    """Cells with points."""
+    grown: Grid
+    """Occupied cells and their eight neighbours."""
+    clear: Grid
+    """Cells that show a surface, and nothing at this layer in them or beside them."""
+
+
+def draw_grids(
+    xy: Array, layer: NDArray[np.int64], origin: Array, cells: int, cell_size: float = CELL_SIZE
+) -> OccupancyGrids:
+    """Draw points (N, 2) of known layers into grids with their corner at the origin (2,)."""
+    index = np.floor((xy - origin) / cell_size).astype(np.int64)
+    inside = ((index >= 0) & (index < cells)).all(axis=1)
+    index, layer = index[inside], layer[inside]
+    shown = np.zeros((cells, cells), np.bool_)
+    shown[index[:, 0], index[:, 1]] = True
+    occupied = np.zeros((LAYERS, cells, cells), np.bool_)
+    standing = (layer >= 0) & (layer < LAYERS)
+    occupied[layer[standing], index[standing, 0], index[standing, 1]] = True
+    grown = _grow(occupied)
+    return OccupancyGrids(occupied, grown, shown & ~grown)
+
+
+def find_levelled_poses(
+    source: LevelledCloud, target: LevelledCloud, count: int, report: FractionCallback
+) -> Candidates:
+    """Find the poses with the highest scores, for each of CONFLICT_WEIGHTS.
+
+    Parameters
+    ----------
+    source, target
+        Clouds seen from above.
+    count
+        Poses of each weight.
+    report
+        Takes the fraction that is done.
+
+    Returns
+    -------
+    Candidates
+        Poses that lay the grounds on each other, the best first, with their scores over the best
+        one of the same weight.
+    """
+    width = 2 * source.radius + 2 * target.radius
+    cells = min(fft.next_fast_len(int(np.ceil(width / CELL_SIZE)) + 4, real=True), MAX_GRID_CELLS)
+    half = cells * CELL_SIZE / 2
+    fixed = draw_grids(target.xy, target.layer, target.centre - half, cells)
+    fixed_grown, fixed_clear, fixed_occupied = (
+        np.conj(_transform(grid)) for grid in (fixed.grown, fixed.clear, fixed.occupied)
+    )
+    turns = np.radians(np.arange(0.0, 360.0, TURN_STEP_DEG))
+    peaks: list[list[tuple[float, float, Array]]] = [[] for _ in CONFLICT_WEIGHTS]
+    for done, turn in enumerate(turns):
+        report(done / len(turns))
+        xy = np.einsum("ij,nj->ni", _turn(turn), source.xy - source.centre)
+        moving = draw_grids(xy, source.layer, np.full(2, -half), cells)
+        occupied, clear = _transform(moving.occupied), _transform(moving.clear)
+        matches = _correlation(occupied * fixed_grown, cells)
+        conflicts = _correlation(occupied * fixed_clear + clear * fixed_occupied, cells)
+        for found, weight in zip(peaks, CONFLICT_WEIGHTS, strict=True):
+            found += [(s, turn, shift) for s, shift in _peaks(matches - weight * conflicts)]
+    poses, scores = [], []
+    for found in peaks:
+        found.sort(key=lambda peak: -peak[0])
+        best = max(found[0][0], 1e-9)
+        for score, turn, shift in found[:count]:
+            if score > 0:
+                poses.append(_pose(source, target, turn, shift))
+                scores.append(score / best)
+    order = np.argsort(-np.array(scores), kind="stable")
+    return Candidates(np.array(poses).reshape(-1, 4, 4)[order], np.array(scores, np.float32)[order])
+
+
+def _peaks(score: NDArray[np.float32]) -> list[tuple[float, Array]]:
+    """Highest cells of a correlation (n, n), with the shifts (2,) that they stand for."""
+    cells = len(score)
+    around = np.arange(-PEAK_RADIUS, PEAK_RADIUS + 1)
+    found = []
+    for _ in range(SHIFTS_PER_TURN):
+        row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+        steps = np.array([row, column], np.float64)
+        steps[steps > cells // 2] -= cells
+        found.append((float(score[row, column]), -CELL_SIZE * steps))
+        score[np.ix_((row + around) % cells, (column + around) % cells)] = -np.inf
+    return found
+
+
+def _pose(source: LevelledCloud, target: LevelledCloud, turn: float, shift: Array) -> Array:
+    """(4, 4) pose that turns the source about its centre and shifts it over the target's."""
+    R = np.eye(3)
+    R[:2, :2] = _turn(turn)
+    t = np.zeros(3)
+    t[:2] = target.centre + shift - R[:2, :2] @ source.centre
+    t[2] = target.ground_height - source.ground_height
+    return pose(target.R.T @ R @ source.R, target.R.T @ t)
+
+
+def _turn(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _transform(grid: Grid) -> NDArray[np.complex64]:
+    spectrum = fft.rfft2(grid.astype(np.float32), workers=numba.get_num_threads())
+    return spectrum.astype(np.complex64, copy=False)
+
+
+def _correlation(spectrum: NDArray[np.complex64], cells: int) -> NDArray[np.float32]:
+    """(n, n) cross-correlation, summed over the layers."""
+    summed: NDArray[np.float32] = fft.irfft2(
+        spectrum.sum(axis=0), s=(cells, cells), workers=numba.get_num_threads()
+    )
+    return summed
+
+
+def _grow(grid: Grid) -> Grid:
+    """Each layer with the eight neighbours of its cells."""
+    grown = grid.copy()
+    grown[:, 1:] |= grid[:, :-1]
+    grown[:, :-1] |= grid[:, 1:]
+    wide = grown.copy()
+    wide[:, :, 1:] |= grown[:, :, :-1]
+    wide[:, :, :-1] |= grown[:, :, 1:]
+    return wide
+
+
+def _local_ground(levelled: Array) -> Array:
+    """(N,) lowest height of points (N, 3) in the coarse cells around each."""
+    index = np.floor(levelled[:, :2] / GROUND_CELL_SIZE).astype(np.int64)
+    index -= index.min(axis=0)
+    lowest = np.full(index.max(axis=0) + 1, np.inf)
+    np.minimum.at(lowest, (index[:, 0], index[:, 1]), levelled[:, 2])
+    around: Array = minimum_filter(lowest, 3)[index[:, 0], index[:, 1]]
+    return around
+
+
+def _rotation_to_z(up: Array) -> Array:
+    """(3, 3) shortest rotation that turns the unit vector up (3,) to z."""
+    if up[2] < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    v = np.array([up[1], -up[0], 0.0])  # up x z
+    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    R: Array = np.eye(3) + K + K @ K / (1 + up[2])
+    return R
