@@ -53,20 +53,19 @@ def test_every_answer_is_protected(server: Server) -> None:
     protected(server.client.put("/v1/registrations"))
 
 
-def test_an_unexpected_error_is_protected_too(server: Server) -> None:
-    """And it is an error from the first byte on, not a document that breaks off."""
+def test_a_lost_result_is_a_protected_problem(server: Server) -> None:
+    """And it is one from the first byte on, not a document that breaks off."""
     job = registered(server.client, CLOUD, CLOUD, options='{"seed": 5}')
     shutil.rmtree(server.data_dir / "blobs")
     url = f"{server.url}/v1/registrations/{job['id']}"
-    # a connection for each: the server closes it afterwards
     answers = [
         httpx.get(url + what, trust_env=False, timeout=CALL_S)
         for what in ("", "/inliers", "/inliers?format=npy")
     ]
     (server.data_dir / "blobs").mkdir()
     for broken in answers:
-        assert broken.status_code == 500
-        assert broken.json()["type"] == "urn:mpe:problem:internal-error"
+        assert broken.status_code == 410
+        assert broken.json()["type"] == "urn:mpe:problem:expired"
         protected(broken)
 
 
