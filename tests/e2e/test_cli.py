@@ -113,8 +113,16 @@ def test_the_field_is_chosen(pair: tuple[Path, Path]) -> None:
         (["align", __file__, __file__], 1, "test_cli.py: "),
         (["align", "SOURCE", "TARGET", "--overlap", "2"], 1, "overlap must be"),
         (["align", "SOURCE", "TARGET", "-o", "no/such/folder/a.ply"], 1, "no/such/folder/a.ply"),
-        (["align", "SOURCE", "TARGET", "-o", "a.docx"], 1, "a.docx: can be written as ply"),
-        (["align", "SOURCE", "TARGET", "--source-scan", "1"], 1, "scan is chosen"),
+        (
+            ["align", "SOURCE", "TARGET", "-o", "a.docx"],
+            1,
+            "a.docx: expected a file name that ends in ply",
+        ),
+        (
+            ["align", "SOURCE", "TARGET", "--source-scan", "1"],
+            1,
+            "scan is set, but the file is of format ply",
+        ),
         (["align", "SOURCE"], 2, "usage"),
         (["align", "SOURCE", "TARGET", "--method", "magic"], 2, "invalid choice"),
         (["align", "SOURCE", "TARGET", "--sample-size", "many"], 2, "invalid int"),
