@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.assess.confidence import Evidence
+from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
 from mpe_core.assess.free_space import FreeSpace
 from mpe_core.assess.layer_conflict import LayerConflict
 from mpe_core.assess.score import PoseScorer
@@ -87,6 +87,7 @@ class PosePipeline:
             Radius of the larger cloud over that of the smaller one.
         """
         self.source, self.target, self._prior, self._options = source, target, prior, options
+        self._size_ratio = size_ratio
         self._regime = choose_regime(source, target)
         planes = _plane_refiner(source, target, prior, self._regime, options)
         self.scorer = PoseScorer(
@@ -208,7 +209,9 @@ class PosePipeline:
 
     @cached_property
     def _shows_ground(self) -> bool:
-        """Whether both clouds show a dominant plane."""
+        """Whether both clouds are of like size and show a dominant plane."""
+        if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO:
+            return False
         surfaces = self.source.surface, self.target.surface
         if not all(may_have_ground(surface.points, surface.normals) for surface in surfaces):
             return False

@@ -34,8 +34,8 @@ Grid = NDArray[np.bool_]
 CELL_SIZE = 0.02
 """Edge of a grid cell in radii of the smaller cloud: about the spacing of the thinned points."""
 
-MAX_GRID_CELLS = 512
-"""Cells along one side of a grid; wider scenes are cut off there."""
+MAX_GRID_CELLS = 300
+"""Cells along one side of a grid; wider scenes get larger cells, so that time stays bounded."""
 
 LAYER_EDGES = np.array([0.012, 0.05, 0.12, 0.3, 1.0])
 """Heights over the ground between the layers, in radii of the smaller cloud; below the first lies
@@ -143,9 +143,10 @@ def find_levelled_poses(
         one of the same weight.
     """
     width = 2 * source.radius + 2 * target.radius
-    cells = min(fft.next_fast_len(int(np.ceil(width / CELL_SIZE)) + 4, real=True), MAX_GRID_CELLS)
-    half = cells * CELL_SIZE / 2
-    fixed = draw_grids(target.xy, target.layer, target.centre - half, cells)
+    size = max(CELL_SIZE, width / MAX_GRID_CELLS)
+    cells = fft.next_fast_len(int(np.ceil(width / size)) + 4, real=True)
+    half = cells * size / 2
+    fixed = draw_grids(target.xy, target.layer, target.centre - half, cells, size)
     fixed_grown, fixed_clear, fixed_occupied = (
         np.conj(_transform(grid)) for grid in (fixed.grown, fixed.clear, fixed.occupied)
     )
@@ -154,12 +155,14 @@ def find_levelled_poses(
     for done, turn in enumerate(turns):
         report(done / len(turns))
         xy = np.einsum("ij,nj->ni", _turn(turn), source.xy - source.centre)
-        moving = draw_grids(xy, source.layer, np.full(2, -half), cells)
+        moving = draw_grids(xy, source.layer, np.full(2, -half), cells, size)
         occupied, clear = _transform(moving.occupied), _transform(moving.clear)
         matches = _correlation(occupied * fixed_grown, cells)
         conflicts = _correlation(occupied * fixed_clear + clear * fixed_occupied, cells)
         for found, weight in zip(peaks, CONFLICT_WEIGHTS, strict=True):
-            found += [(s, turn, shift) for s, shift in _peaks(matches - weight * conflicts)]
+            found += [
+                (score, turn, size * steps) for score, steps in _peaks(matches - weight * conflicts)
+            ]
     poses, scores = [], []
     for found in peaks:
         found.sort(key=lambda peak: -peak[0])
@@ -173,7 +176,7 @@ def find_levelled_poses(
 
 
 def _peaks(score: NDArray[np.float32]) -> list[tuple[float, Array]]:
-    """Highest cells of a correlation (n, n), with the shifts (2,) that they stand for."""
+    """Highest cells of a correlation (n, n), with the shifts (2,) in cells that they stand for."""
     cells = len(score)
     around = np.arange(-PEAK_RADIUS, PEAK_RADIUS + 1)
     found = []
@@ -181,7 +184,7 @@ def _peaks(score: NDArray[np.float32]) -> list[tuple[float, Array]]:
         row, column = np.unravel_index(int(np.argmax(score)), score.shape)
         steps = np.array([row, column], np.float64)
         steps[steps > cells // 2] -= cells
-        found.append((float(score[row, column]), -CELL_SIZE * steps))
+        found.append((float(score[row, column]), -steps))
         score[np.ix_((row + around) % cells, (column + around) % cells)] = -np.inf
     return found
 
