@@ -12,7 +12,7 @@ AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT = 18.6, 6.6, -18.7
 """Logistic model of right against wrong poses, fitted by `python -m benchmarks calibration` to half
 of the pairs; a wrong pose counts twice (docs/tuning.md)."""
 
-MAX_FREE_SPACE_VIOLATION, FREE_SPACE_WEIGHT = 0.1, 25.0
+MAX_FREE_SPACE_VIOLATION, FREE_SPACE_WEIGHT = 0.06, 30.0
 """Violation of free space that drift and thin edges explain, and how much the log odds fall with
 what lies beyond it (docs/tuning.md)."""
 

@@ -117,13 +117,16 @@ def test_priority_deadline_and_a_full_queue(narrow: Server) -> None:
 
 @pytest.mark.parametrize("resource", ["disk", "memory"])
 def test_too_little_disk_or_memory(tmp_path: Path, resource: str) -> None:
-    with running_server(tmp_path, **{f"min_free_{resource}_bytes": 10**18}) as server:
+    short = {f"min_free_{resource}_bytes": 10**18}
+    with running_server(tmp_path, ready=resource != "disk", **short) as server:
         response = server.submit(CLOUD, CLOUD)
         assert response.status_code == 503
         assert response.json()["type"] == "urn:mpe:problem:overloaded"
         assert resource in response.json()["detail"]
         assert int(response.headers["Retry-After"]) > 0
         assert server.client.get("/livez").status_code == 200
+        is_ready = server.client.get("/readyz").status_code == 200
+        assert is_ready == (resource != "disk")
 
 
 def test_results_and_files_are_dropped_in_time(tmp_path: Path) -> None:

@@ -132,12 +132,12 @@ def registered(client: httpx.Client, source: bytes, target: bytes, **kwargs: Any
 
 
 @contextmanager
-def running_server(directory: Path, **settings: object) -> Iterator[Server]:
-    """A server that is ready; settings by their names without MPE_, in lower case."""
+def running_server(directory: Path, *, ready: bool = True, **settings: object) -> Iterator[Server]:
+    """A server that is ready, or only alive; settings by their names without MPE_, in lower case."""
     server = Server(directory / "data", **settings)
     server.data_dir.mkdir(parents=True)
     try:
-        server.start()
+        server.start(ready=ready)
         yield server
     finally:
         server.client.close()

@@ -40,4 +40,4 @@ def before_call(_: Any, case: schemathesis.Case, __: dict[str, Any]) -> None:
 def before_load_schema(_: Any, description: dict[str, Any]) -> None:
     """Requests are made without these options."""
     for name in KNOWLEDGE:
-        del description["components"]["schemas"]["Options"]["properties"][name]
+        del description["components"]["schemas"]["RegistrationOptions"]["properties"][name]
