@@ -133,7 +133,7 @@ def registered(client: httpx.Client, source: bytes, target: bytes, **kwargs: Any
 
 @contextmanager
 def running_server(directory: Path, *, ready: bool = True, **settings: object) -> Iterator[Server]:
-    """A server that is ready, or only alive; settings by their names without MPE_, in lower case."""
+    """A server that is ready, or alive; settings by their names without MPE_, in lower case."""
     server = Server(directory / "data", **settings)
     server.data_dir.mkdir(parents=True)
     try:
