@@ -199,7 +199,7 @@ def test_what_makes_no_sense_is_told(
     [
         ({"voxel_size": 5}, {}, "invalid-options", "a thousandth and a fifth of the radius"),
         ({}, {"source": "absent"}, "invalid-weights", "'absent'"),
-        ({}, {"target": "word"}, "invalid-weights", "target: attribute 'word' is of type <U"),
+        ({}, {"target": "word"}, "invalid-weights", "attribute 'word' has type <U4"),
         ({}, {"target": "below"}, "invalid-weights", "must be 0 or more"),
         ({}, {"source": "few"}, "invalid-weights", "must be above 0"),
     ],
