@@ -14,6 +14,7 @@ from mpe_core.assess.layer_conflict import LayerConflict
 from mpe_core.assess.score import PoseScorer
 from mpe_core.clouds.ground import Ground, find_ground, may_have_ground
 from mpe_core.clouds.preprocess import PreparedCloud
+from mpe_core.geometry.cell_list import Points
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import FractionCallback, Progress
 from mpe_core.refine.full_sum import FullSum
@@ -44,6 +45,10 @@ some of their points (docs/tuning.md)."""
 
 LEVELLED_CANDIDATES = 48
 """Candidates of the levelled search that are refined shortly."""
+
+MAX_LEVELLED_REACH = 10.0
+"""Distance from the centre, in radii of the smaller cloud, up to which points are seen from above:
+stray points beyond it would make the grids too wide for any memory."""
 
 MIN_GROUND_SHARE = 0.15
 """Share of the points on the dominant plane of both clouds from which on the levelled search is
@@ -138,12 +143,12 @@ class PosePipeline:
 
     def find_levelled_candidates(self, report: FractionCallback) -> Candidates:
         """Search for poses that lay the grounds of both clouds on each other, best first."""
-        (x, y), (source, target) = self._grounds, (self.source.surface, self.target.surface)
-        fixed = LevelledCloud.from_points(target.points, y)
+        (x, y), (source, target) = self._grounds, self._levelled_points
+        fixed = LevelledCloud.from_points(target, y)
         grounds = (x,) if x.is_extremal and y.is_extremal else (x, x.flipped())
         found = [
             find_levelled_poses(
-                LevelledCloud.from_points(source.points, ground), fixed, LEVELLED_CANDIDATES, report
+                LevelledCloud.from_points(source, ground), fixed, LEVELLED_CANDIDATES, report
             )
             for ground in grounds
         ]
@@ -201,11 +206,17 @@ class PosePipeline:
         """Look at both clouds from above; None unless both show their ground."""
         if not self._shows_ground:
             return None
-        return LayerConflict(self.source.surface.points, self.target.surface.points, *self._grounds)
+        return LayerConflict(*self._levelled_points, *self._grounds)
+
+    @cached_property
+    def _levelled_points(self) -> tuple[Points, Points]:
+        """Points of both surfaces that are not stray."""
+        return _within_reach(self.source.surface.points), _within_reach(self.target.surface.points)
 
     @cached_property
     def _grounds(self) -> tuple[Ground, Ground]:
-        return find_ground(self.source.surface.points), find_ground(self.target.surface.points)
+        source, target = self._levelled_points
+        return find_ground(source), find_ground(target)
 
     @cached_property
     def _shows_ground(self) -> bool:
@@ -234,6 +245,12 @@ def _plane_refiner(
         basis = prior.inverse().motion_basis()
         return SwappedPointToPlane(PointToPlane(target, source, basis, regime, options))
     return PointToPlane(source, target, prior.motion_basis(), regime, options)
+
+
+def _within_reach(points: Points) -> Points:
+    """Points (N, 3) at most MAX_LEVELLED_REACH from the centre."""
+    near: Points = points[np.square(points).sum(axis=1) <= MAX_LEVELLED_REACH**2]
+    return near
 
 
 def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mpe_core.geometry.range_image import RangeImage
 from mpe_core.geometry.rigid import apply, inverse
+from mpe_core.geometry.sampling import take_every
 
 Array = NDArray[np.float64]
 
@@ -34,8 +35,8 @@ class FreeSpace:
         """Build the range images of source (N, 3) and target (M, 3), each in its own frame."""
         self._source_image = RangeImage(source, source_viewpoint)
         self._target_image = RangeImage(target, target_viewpoint)
-        self._source = _every(source, MAX_POINTS)
-        self._target = _every(target, MAX_POINTS)
+        self._source = take_every(source, MAX_POINTS)
+        self._target = take_every(target, MAX_POINTS)
 
     def violation(self, T: Array) -> float:
         """Share of the visible points of one scan that stand in the free space of the other.
@@ -60,7 +61,3 @@ def _violation(image: RangeImage, points: Array) -> float:
     visible = is_seen & (ranges < (1 + RANGE_MARGIN) * seen)
     compared = max(int(visible.sum()), MIN_COMPARED)
     return float(in_front.sum() / compared)
-
-
-def _every(points: NDArray[np.float32], count: int) -> NDArray[np.float32]:
-    return points[:: max(1, len(points) // count)].copy()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,11 +40,14 @@ class LayerConflict:
         self._ground = source_ground
         self._target_ground = target_ground
         self._source = LevelledCloud.from_points(source, source_ground)
-        self._upside_down = LevelledCloud.from_points(source, source_ground.flipped())
         self._target = LevelledCloud.from_points(target, target_ground)
         self._origin = self._target.xy.min(axis=0) - CELL_SIZE
         self._cells = int(np.ceil(np.ptp(self._target.xy, axis=0).max() / CELL_SIZE)) + 3
         self._fixed = draw_grids(self._target.xy, self._target.layer, self._origin, self._cells)
+
+    @cached_property
+    def _upside_down(self) -> LevelledCloud:
+        return LevelledCloud.from_points(self._points, self._ground.flipped())
 
     def share(self, T: Array) -> float | None:
         """Share of the occupied cells of one cloud that the other one shows as clear.

@@ -58,8 +58,8 @@ def may_have_ground(points: NDArray[np.float32], normals: NDArray[np.float32]) -
     n = normals.astype(np.float64)
     _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", n, n))
     height = np.einsum("ni,i->n", points.astype(np.float64), axes[:, -1])
-    slab = ((height - height.min()) / SLAB_HEIGHT).astype(np.int64)
-    return bool(np.bincount(slab).max() >= MIN_SLAB_SHARE * len(points))
+    _, counts = np.unique(np.floor(height / SLAB_HEIGHT), return_counts=True)
+    return bool(counts.max() >= MIN_SLAB_SHARE * len(points))
 
 
 def find_ground(points: NDArray[np.float32], seed: int = 0) -> Ground:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpe_core.clouds.validate import Cloud
 from mpe_core.geometry.bounds import centered
+from mpe_core.geometry.sampling import take_every
 
 Array = NDArray[np.float64]
 
@@ -101,6 +102,6 @@ def robust_radius(points: Array, centre: Array) -> float:
 
     The largest distance if that is zero. Every k-th of many points is taken.
     """
-    subset = points[:: max(1, len(points) // RADIUS_SUBSET_POINTS)] - centre
+    subset = take_every(points, RADIUS_SUBSET_POINTS) - centre
     distance = np.sqrt(np.einsum("ni,ni->n", subset, subset))
     return float(np.quantile(distance, RADIUS_QUANTILE)) or float(distance.max())

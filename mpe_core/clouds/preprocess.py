@@ -16,7 +16,7 @@ from mpe_core.geometry.cell_list import (
     voxel_downsample,
     voxel_downsample_weighted,
 )
-from mpe_core.geometry.sampling import resample_rows
+from mpe_core.geometry.sampling import resample_rows, take_every
 from mpe_core.options import RegistrationOptions
 
 MIN_VOXEL_SIZE, MAX_VOXEL_SIZE = 1e-3, 0.2
@@ -45,9 +45,8 @@ class Sample:
 
     def subset(self, count: int) -> Sample:
         """Every k-th of the points, about `count`."""
-        every = max(1, len(self.points) // count)
-        normals = None if self.normals is None else self.normals[::every]
-        return Sample(self.points[::every].copy(), normals)
+        normals = None if self.normals is None else take_every(self.normals, count)
+        return Sample(take_every(self.points, count), normals)
 
 
 @dataclass(frozen=True, slots=True)

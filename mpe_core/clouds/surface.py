@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, voxel_downsample
+from mpe_core.geometry.sampling import take_every
 
 VOXEL_SIZE = 0.015
 """Edge of the coarse thinning by default, in radii of the smaller cloud. From 0.012 to 0.015 all
@@ -77,7 +78,7 @@ def orient_normals(points: Points, normals: Points, viewpoint: NDArray[np.float6
 
 def _choose_neighbourhood(sample: Points, voxel_size: float) -> tuple[float, float, float]:
     """Radius of the neighbourhoods that hold a surface; roughness and spacing of the points."""
-    subset = sample[:: max(1, len(sample) // SUBSET_POINTS)].copy()
+    subset = take_every(sample, SUBSET_POINTS)
     radius = MIN_RADIUS / VOXEL_SIZE * voxel_size
     largest = max(MAX_RADIUS, RADIUS_GROWTH * radius)
     roughness, spacing = largest, 0.0

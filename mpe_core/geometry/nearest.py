@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from mpe_core.geometry.cell_list import CellList, Points, count_occupied
+from mpe_core.geometry.sampling import take_every
 
 MIN_TREE_REACH = 0.1
 """Reach, in radii of the cloud, from which on a k-d tree is faster than cells of that edge."""
@@ -102,7 +103,7 @@ def _search_two_passes(
 
 def _dense_cell_edge(cloud: Points) -> float:
     """Return the edge of cells that hold POINTS_PER_CELL points on average."""
-    sample = cloud[:: max(1, len(cloud) // MIN_DENSITY_SAMPLE)].copy()
+    sample = take_every(cloud, MIN_DENSITY_SAMPLE)
     cells = count_occupied(sample, DENSITY_CELL_EDGE)
     # on a surface the points in a cell go with the square of its edge
     return DENSITY_CELL_EDGE * float(np.sqrt(POINTS_PER_CELL * cells / len(cloud)))

@@ -73,6 +73,19 @@ def axis_rotation(axis: Array, angle: float) -> Array:
     return R
 
 
+def rotation_between(a: Array, b: Array) -> Array:
+    """(3, 3) shortest rotation that turns the unit vector a (3,) to the unit vector b (3,).
+
+    Of the half turns between opposite vectors, one is taken.
+    """
+    axis = np.cross(a, b)
+    if axis.any():
+        return axis_rotation(axis, float(np.arctan2(np.linalg.norm(axis), a @ b)))
+    if a @ b > 0:
+        return np.eye(3)
+    return axis_rotation(np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), np.pi)
+
+
 def cross_matrix(v: Array) -> Array:
     """Return the (..., 3, 3) matrices of p -> v x p, for vectors v (..., 3)."""
     x, y, z = np.moveaxis(v, -1, 0)

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.kernels.farthest_point import farthest_order
 
+Scalar = TypeVar("Scalar", bound=np.generic)
+
 OVERSAMPLING = 3
 """Rows that a spread sample draws at random for each row that it returns."""
+
+
+def take_every(rows: NDArray[Scalar], count: int) -> NDArray[Scalar]:
+    """Copy every k-th of the rows (N, ...): `count` of them, or up to twice as many."""
+    return rows[:: max(1, len(rows) // count)].copy()
 
 
 def sample_points(

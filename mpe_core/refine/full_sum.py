@@ -11,6 +11,7 @@ from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply, cross_matrix, inverse
+from mpe_core.geometry.sampling import take_every
 from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.refine.covariance import PoseUncertainty, sandwich_covariance
@@ -107,7 +108,7 @@ def estimate_noise(source: Surface, target: Surface, T: Array) -> float:
     else:
         smooth, moved = target, apply(T, source.points[source.weights > 0])
     cells = CellList(smooth.points, 0.3)
-    queries = moved[:: max(1, len(moved) // 2000)].astype(np.float32)
+    queries = take_every(moved, 2000).astype(np.float32)
     row, _ = cells.nearest(queries)
     near = row >= 0
     normals = smooth.normals[cells.rows[row[near]]]

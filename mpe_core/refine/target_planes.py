@@ -11,6 +11,7 @@ from mpe_core.clouds.preprocess import Sample
 from mpe_core.clouds.surface import orient_normals
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply
+from mpe_core.geometry.sampling import take_every
 from mpe_core.kernels.plane_equations import plane_equations
 
 Array = NDArray[np.float64]
@@ -86,7 +87,7 @@ class TargetPlanes:
     def point_spacing(self) -> float:
         """Distance between neighbouring points, estimated from the number within the radius."""
         points = self.cells.points
-        subset = points[:: max(1, len(points) // SPACING_SUBSET_POINTS)].copy()
+        subset = take_every(points, SPACING_SUBSET_POINTS)
         count = self.cells.planes(subset).counts
         return self.radius * float(np.sqrt(np.pi / np.median(count)))
 

@@ -24,7 +24,7 @@ from scipy import fft
 from scipy.ndimage import minimum_filter
 
 from mpe_core.clouds.ground import Ground
-from mpe_core.geometry.rigid import pose
+from mpe_core.geometry.rigid import pose, rotation_between
 from mpe_core.progress import FractionCallback
 from mpe_core.search.pose_search import Candidates
 
@@ -76,7 +76,7 @@ class LevelledCloud:
     @classmethod
     def from_points(cls, points: NDArray[np.float32], ground: Ground) -> LevelledCloud:
         """Look at the points (N, 3) from above."""
-        R = _rotation_to_z(ground.up)
+        R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
         levelled = np.einsum("ij,nj->ni", R, points.astype(np.float64))
         over_ground = levelled[:, 2] - _local_ground(levelled)
         layer = np.searchsorted(LAYER_EDGES, over_ground) - 1
@@ -236,13 +236,3 @@ def _local_ground(levelled: Array) -> Array:
     np.minimum.at(lowest, (index[:, 0], index[:, 1]), levelled[:, 2])
     around: Array = minimum_filter(lowest, 3)[index[:, 0], index[:, 1]]
     return around
-
-
-def _rotation_to_z(up: Array) -> Array:
-    """(3, 3) shortest rotation that turns the unit vector up (3,) to z."""
-    if up[2] < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    v = np.array([up[1], -up[0], 0.0])  # up x z
-    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    R: Array = np.eye(3) + K + K @ K / (1 + up[2])
-    return R

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.normalize import CloudPair
-from mpe_core.geometry.rigid import axis_rotation, inverse, pose
+from mpe_core.geometry.rigid import inverse, pose, rotation_between
 from mpe_core.geometry.rotations import even_rotations
 from mpe_core.options import RegistrationOptions
 
@@ -118,12 +118,7 @@ class PosePrior:
     def _remove_tilt(self, R: Array) -> Array:
         if self.down is None or not self.yaw_only:
             return R
-        down, vertical = R @ self.down[0], self.down[1]
-        axis = np.cross(down, vertical)
-        if not axis.any():
-            return R
-        tilt = float(np.arctan2(np.linalg.norm(axis), down @ vertical))
-        level: Array = axis_rotation(axis, tilt) @ R
+        level: Array = rotation_between(R @ self.down[0], self.down[1]) @ R
         return level
 
 

@@ -247,7 +247,7 @@ def distinct_rows(poses: Poses, scores: NDArray[np.float32], count: int) -> NDAr
             kept.append(int(row))
         if len(kept) == count:
             break
-    return np.array(kept)
+    return np.array(kept, np.int64)
 
 
 def bin_directions() -> NDArray[np.float32]:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import laspy  # noqa: F401  loaded before memory is measured
 import pye57  # noqa: F401
+import pytest
 import trimesh.sample  # noqa: F401
 
-from service.formats import CloudFileError, DecodedCloud, read_points
+from service.formats import CloudFileError, DecodedCloud, MalformedFileError, read_points
 
 MAX_MEMORY = 8 << 20
 """Bytes that decoding a file of a few kilobytes may take."""
@@ -25,6 +26,13 @@ def write_file(folder: Path, content: bytes) -> Path:
 def decode(folder: Path, content: bytes) -> DecodedCloud:
     """Decode the content."""
     return read_points(write_file(folder, content))
+
+
+def reason_of_refusal(folder: Path, content: bytes) -> str:
+    """Return what is said of a malformed content, which must be refused."""
+    with pytest.raises(MalformedFileError) as caught:
+        decode(folder, content)
+    return str(caught.value)
 
 
 def decode_frugally(folder: Path, content: bytes, **choices: int) -> DecodedCloud | CloudFileError:

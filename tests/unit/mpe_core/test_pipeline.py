@@ -13,6 +13,7 @@ from mpe_core.refine.minimum import Minimum
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import SEARCH_LEVELS
 from tests.factories.clouds import knot
+from tests.factories.worlds import scan_world, street
 
 TRUTH = pose(axis_rotation(np.array([1.0, 2, 3]), 2.0), np.array([0.1, 0.2, 0.0]))
 
@@ -89,3 +90,28 @@ def test_preselection_keeps_the_right_pose(steps):
     rows = steps._preselect(np.array(poses), lambda fraction: None)
     assert len(rows) == pipeline.MAX_REFINED
     assert rows[0] == 11
+
+
+def street_steps(prior=None, stray=0.0):
+    rng = np.random.default_rng(0)
+    world = street(rng)
+    clouds = [scan_world(world, np.array([x, 0.5, 1.8]), rng).points / 30 for x in (3.0, -3.0)]
+    far = np.array([[stray, 0, 0], [-stray, 0, 0]])
+    source, target = (
+        prepare_cloud(np.vstack([cloud, far]) if stray else cloud) for cloud in clouds
+    )
+    return PosePipeline(source, target, prior or PosePrior(), RegistrationOptions())
+
+
+def test_levelled_poses_are_those_that_the_prior_accepts():
+    assert len(street_steps().find_levelled_candidates(lambda share: None).poses)
+    upside_down = PosePrior(initial=np.diag([1.0, -1.0, -1.0, 1.0]))
+    found = street_steps(upside_down).find_levelled_candidates(lambda share: None)
+    assert not len(found.poses)
+    assert len(street_steps(upside_down).run(Progress(None)))
+
+
+def test_stray_points_do_not_widen_the_view_from_above():
+    found = street_steps(stray=1e5).find_levelled_candidates(lambda share: None)
+    moved = [pose[:3, 3] for pose in found.poses[:4]]
+    assert min(np.linalg.norm(t - np.array([0.2, 0, 0])) for t in moved) < 0.05

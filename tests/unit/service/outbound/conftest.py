@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import trustme
 
 from service.outbound.client import OutboundClient
 from service.outbound.deadline import TransferLimits
@@ -15,6 +16,12 @@ from service.outbound.url_policy import UrlPolicy
 from service.outbound.urls import parse_url
 from service.storage.blobs import Blob, BlobStore
 from tests.factories.web import OPEN, Fetch, Names, Web, serving
+
+
+@pytest.fixture(scope="session")
+def authority() -> trustme.CA:
+    """Whom the TLS servers of the tests are certified by."""
+    return trustme.CA()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ssl
 from ipaddress import ip_network
 
 import pytest
@@ -14,6 +13,7 @@ from service.outbound.errors import (
 )
 from service.outbound.url_policy import UrlPolicy
 from service.storage.blobs import BlobStore
+from tests.factories.tls import client_tls, server_tls
 from tests.factories.web import CONTENT, LOOPBACK, OPEN, SHA256, Fetch, Handler, Names, Web, serving
 
 SECRET = "X-Amz-Signature=0123456789abcdef"
@@ -91,23 +91,6 @@ def test_what_is_no_http_is_an_error(answer: bytes, web: Web, fetch: Fetch) -> N
     web.behaviours["/odd"] = say
     with pytest.raises(FetchError):
         fetch(web.url("/odd"))
-
-
-@pytest.fixture(scope="module")
-def authority() -> trustme.CA:
-    return trustme.CA()
-
-
-def server_tls(authority: trustme.CA, *names: str) -> ssl.SSLContext:
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    authority.issue_cert(*names).configure_cert(context)
-    return context
-
-
-def client_tls(authority: trustme.CA) -> ssl.SSLContext:
-    context = ssl.create_default_context()
-    authority.configure_trust(context)
-    return context
 
 
 def test_a_redirect_from_https_to_http_is_refused(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import ssl
 import threading
 
 import pytest
@@ -17,24 +16,8 @@ from service.outbound.errors import (
     FetchUnreachableError,
 )
 from service.outbound.url_policy import UrlPolicy
+from tests.factories.tls import client_tls, server_tls
 from tests.factories.web import SHA256, Fetch, Names, Web, serving
-
-
-@pytest.fixture(scope="module")
-def authority() -> trustme.CA:
-    return trustme.CA()
-
-
-def server_tls(authority: trustme.CA, *names: str) -> ssl.SSLContext:
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    authority.issue_cert(*names).configure_cert(context)
-    return context
-
-
-def client_tls(authority: trustme.CA) -> ssl.SSLContext:
-    context = ssl.create_default_context()
-    authority.configure_trust(context)
-    return context
 
 
 def test_tls_is_with_the_name_though_an_address_is_dialled(
