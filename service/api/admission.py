@@ -60,18 +60,21 @@ def reserve_disk(runtime: Runtime, size: int) -> Iterator[None]:
     OverloadedError
         With what other requests are sending, too little would be left.
     """
-    if not runtime.disk.reserve(size):
-        raise OverloadedError("Too little disk is left for the body; retry later.")
+    _reserve_on_disk(runtime, size)
     try:
         yield
     finally:
         runtime.disk.release(size)
 
 
-def _reserve(runtime: Runtime, caller: Caller, size: int) -> None:
-    check_capacity(runtime, caller)
+def _reserve_on_disk(runtime: Runtime, size: int) -> None:
     if not runtime.disk.reserve(size):
         raise OverloadedError("Too little disk is left for the body; retry later.")
+
+
+def _reserve(runtime: Runtime, caller: Caller, size: int) -> None:
+    check_capacity(runtime, caller)
+    _reserve_on_disk(runtime, size)
     try:
         runtime.storage_quota.reserve(caller, size)
     except QuotaExceededError:
