@@ -79,7 +79,7 @@ class Runtime:
     ) -> JobRow:
         """Accept a job and wake a worker; see `service.jobs.accept.accept_job`."""
         accepted = self.transitions.add(job, idempotency, tenant_queue_limit=tenant_queue_limit)
-        self.workers.notify()
+        self.workers.notify(accepted.queue)
         return accepted
 
     def cancel(self, job_id: str) -> bool:

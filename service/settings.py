@@ -115,6 +115,10 @@ class UrlSettings(SettingsGroup):
     """
     ports: CommaSeparated[Port] = ()
     """Ports that URLs and callbacks may name, comma-separated; empty: 80, 443 and all from 1024."""
+    concurrency: PositiveInt = 8
+    """Registrations whose clouds are fetched at the same time, beside those that workers run. A
+    tenant gets no more than what is left free.
+    """
     timeout_s: PositiveFloat = 300
     """Time limit of fetching one cloud, in seconds."""
     read_timeout_s: PositiveFloat = 20

@@ -22,3 +22,8 @@ class CloudInput:
     """Id of the stored cloud that the caller named."""
     reading: dict[str, Any] = field(default_factory=dict)
     """Arguments of `service.formats.read_points` that the caller chose."""
+
+    @property
+    def needs_fetching(self) -> bool:
+        """Whether it is a URL that has not been fetched yet."""
+        return self.sha256 is None and self.url is not None

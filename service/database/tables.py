@@ -43,6 +43,8 @@ jobs = Table(
     Column("id", String, primary_key=True),
     Column("tenant", String, nullable=False),
     Column("status", String, nullable=False),
+    # who works on it next: fetch (its clouds are URLs) or register
+    Column("queue", String, nullable=False),
     # times: seconds since the epoch, UTC
     Column("created_at", Float, nullable=False),
     Column("started_at", Float),
@@ -84,11 +86,12 @@ Index("jobs_by_age", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("jobs_waiting", jobs.c.status, jobs.c.priority, jobs.c.created_at)
 Index("jobs_by_work", jobs.c.work_key)
 
-# when each tenant was served last, in claims of all tenants
+# when each tenant was served last, in claims of all tenants from one queue
 turns = Table(
     "turns",
     metadata,
     Column("tenant", String, primary_key=True),
+    Column("queue", String, primary_key=True),
     Column("turn", BigInteger, nullable=False),
 )
 

@@ -53,6 +53,8 @@ def accept_job(
         earlier = _find_replayed(connection, job.tenant, idempotency)
         if earlier is not None:
             return earlier
+    needs_fetching = job.source.needs_fetching or job.target.needs_fetching
+    job = replace(job, queue="fetch" if needs_fetching else "register")
     job = _reuse_result(connection, job, retention, is_stored)
     if job.status == "queued":
         check_queue_limit(count_jobs(connection, "queued"), queue_limit)

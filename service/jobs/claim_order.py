@@ -1,8 +1,8 @@
-"""Which queued job runs next: tenants take turns, and priority orders the jobs of one tenant.
+"""Which job of a queue is next: tenants take turns, and priority orders the jobs of one tenant.
 
-The tenant with the fewest running jobs is next; among equals the one that was served least
-recently. A job is claimed in an exclusive transaction, so that two claims never count the same
-running jobs.
+The tenant with the fewest running jobs of the queue is next; among equals the one that was served
+least recently. A job is claimed in an exclusive transaction, so that two claims never count the
+same running jobs.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from sqlalchemy import (
     ColumnElement,
     Connection,
     Float,
+    Integer,
     Row,
     Select,
+    String,
     and_,
     bindparam,
     func,
@@ -27,60 +29,83 @@ from sqlalchemy import (
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from service.database.tables import jobs, turns
+from service.jobs.model import JobQueue
 
 MAX_PAUSE_S = 600.0
 """Maximum pause, in seconds, of a job whose attempt was interrupted; a longer one is a clock that
 was set back."""
+NO_LIMIT = 2**31 - 1
+"""More jobs of a tenant than can run."""
 
 
-def claim_next(connection: Connection, *, lease_s: float) -> Row[Any] | None:
+def find_next_tenant(connection: Connection, queue: JobQueue, tenant_limit: int) -> str | None:
+    """Return the tenant whose job of the queue is next; None when none can be claimed.
+
+    Parameters
+    ----------
+    tenant_limit
+        Jobs of the queue that a tenant may have running, the next one included.
+    """
+    values = {"claimed_queue": queue, "tenant_limit": tenant_limit, "now": time.time()}
+    tenant: str | None = connection.scalar(_NEXT_TENANT, values)
+    return tenant
+
+
+def claim_next(
+    connection: Connection, queue: JobQueue, tenant_limit: int, *, lease_s: float
+) -> Row[Any] | None:
     """Begin an attempt at the next job; return its row, or None when none can be claimed.
 
     Call it within an exclusive transaction.
+
+    See Also
+    --------
+    find_next_tenant : says whose it is.
     """
-    now = time.time()
-    tenant = connection.scalar(_NEXT_TENANT, {"now": now})
+    tenant = find_next_tenant(connection, queue, tenant_limit)
     if tenant is None:
         return None
-    values = {"claimed_tenant": tenant, "now": now}
+    now = time.time()
+    values = {"claimed_tenant": tenant, "claimed_queue": queue, "now": now}
     times = {"started_at": now, "lease_until": now + lease_s}
     row = connection.execute(_CLAIM, values | times).one_or_none()
     if row is not None:
-        _record_turn(connection, tenant)
+        _record_turn(connection, tenant, queue)
     return row
 
 
-def _record_turn(connection: Connection, tenant: str) -> None:
-    """Make the tenant the most recently served one; turns are counted, not timed."""
-    turn = (connection.scalar(select(func.max(turns.c.turn))) or 0) + 1
-    is_known = connection.execute(
-        update(turns).where(turns.c.tenant == tenant).values(turn=turn)
-    ).rowcount
-    if not is_known:
-        connection.execute(insert(turns).values(tenant=tenant, turn=turn))
+def _record_turn(connection: Connection, tenant: str, queue: JobQueue) -> None:
+    """Make the tenant the most recently served one of the queue; turns are counted, not timed."""
+    last = select(func.max(turns.c.turn)).where(turns.c.queue == queue)
+    turn = (connection.scalar(last) or 0) + 1
+    own = and_(turns.c.tenant == tenant, turns.c.queue == queue)
+    if not connection.execute(update(turns).where(own).values(turn=turn)).rowcount:
+        connection.execute(insert(turns).values(tenant=tenant, queue=queue, turn=turn))
 
 
 def _is_claimable() -> ColumnElement[bool]:
     now = bindparam("now", type_=Float)
     is_paused = and_(jobs.c.paused_until > now, jobs.c.paused_until <= now + MAX_PAUSE_S)
-    return and_(jobs.c.status == "queued", or_(jobs.c.paused_until.is_(None), ~is_paused))
+    is_free = or_(jobs.c.paused_until.is_(None), ~is_paused)
+    return and_(jobs.c.status == "queued", jobs.c.queue == _QUEUE, is_free)
 
 
 def _select_next_tenant() -> Select[Any]:
     waiting = select(jobs.c.tenant).where(_is_claimable()).distinct().subquery()
     running = (
         select(jobs.c.tenant, func.count().label("number"))
-        .where(jobs.c.status == "running")
+        .where(jobs.c.status == "running", jobs.c.queue == _QUEUE)
         .group_by(jobs.c.tenant)
         .subquery()
     )
+    number = func.coalesce(running.c.number, 0)
+    is_own_turn = and_(turns.c.tenant == waiting.c.tenant, turns.c.queue == _QUEUE)
     return (
         select(waiting.c.tenant)
         .outerjoin(running, running.c.tenant == waiting.c.tenant)
-        .outerjoin(turns, turns.c.tenant == waiting.c.tenant)
-        .order_by(
-            func.coalesce(running.c.number, 0), func.coalesce(turns.c.turn, 0), waiting.c.tenant
-        )
+        .outerjoin(turns, is_own_turn)
+        .where(number < bindparam("tenant_limit", type_=Integer))
+        .order_by(number, func.coalesce(turns.c.turn, 0), waiting.c.tenant)
         .limit(1)
     )
 
@@ -103,5 +128,6 @@ def _claim_first_of_tenant() -> ReturningUpdate[Any]:
     ).returning(jobs)
 
 
+_QUEUE = bindparam("claimed_queue", type_=String)
 _NEXT_TENANT = _select_next_tenant()  # built once: building takes as long as executing
 _CLAIM = _claim_first_of_tenant()

@@ -6,16 +6,19 @@ State machine of a job; `service.jobs.transitions` makes every change of it::
        |           |  ^               |----fail-------> failed
        |           |  +---requeue-----|                    ^
        |           |   (or a lost     +----cancel-----> cancelled
-       |           |    attempt)                           ^
+       |           |    attempt, or                        ^
+       |           |    fetched)                           |
        |           +--cancel-------------------------------+
        |           +--deadline passed--> failed
        +--result of the same work is kept--> succeeded
 
-Each claim begins an attempt and increases `JobRow.attempt`. That number is a fencing token: what a
-worker writes counts only while the job is running and the number is still the worker's. An attempt
-whose child process ends without an answer returns the job to the queue; the third one fails it. An
-attempt that is interrupted from outside (the service died, the disk was full) returns the job to
-the queue too; `MAX_INTERRUPTIONS` of them, with pauses that grow, fail it.
+A job whose clouds are URLs is claimed from the queue `fetch` first; once they are stored, it goes
+to the queue `register`, and never back. Each claim begins an attempt and increases
+`JobRow.attempt`; the claim after a fetch goes on with the attempt of the fetch. Queue and number
+are a fencing token: what a worker writes counts only while the job is running and both are still
+the worker's. An attempt whose child process ends without an answer returns the job to its queue;
+the third one fails it. An attempt that is interrupted from outside (the service died, the disk was
+full) returns the job to its queue too; `MAX_INTERRUPTIONS` of them, with pauses that grow, fail it.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from typing import Any, Literal, get_args
 from service.clouds.inputs import CloudInput
 
 JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+JobQueue = Literal["fetch", "register"]
 JOB_STATUSES: tuple[JobStatus, ...] = get_args(JobStatus)
 TERMINAL_STATUSES: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")
 DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]
@@ -66,6 +70,8 @@ class JobRow:
     options: dict[str, Any]
     created_at: float
     status: JobStatus = "queued"
+    queue: JobQueue = "register"
+    """Where it waits, or was claimed from; set when the job is accepted."""
     started_at: float | None = None
     """Begin of the last attempt."""
     finished_at: float | None = None

@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, and_, func, select
 from service.database.engine import Database
 from service.database.pagination import Place, select_page
 from service.database.tables import events, jobs
-from service.jobs.model import JobEvent, JobRow, JobStatus
+from service.jobs.model import JobEvent, JobQueue, JobRow, JobStatus
 from service.jobs.rows import count_jobs, find_job, job_from_row
 
 
@@ -69,10 +69,12 @@ class JobQueries:
         with self._database.read() as connection:
             return [JobEvent(**row._mapping) for row in connection.execute(query)]
 
-    def count(self, status: JobStatus, tenant: str | None = None) -> int:
-        """Return the number of jobs of this status, of one tenant or of all."""
+    def count(
+        self, status: JobStatus, tenant: str | None = None, queue: JobQueue | None = None
+    ) -> int:
+        """Return the number of jobs of this status, of one tenant or of all, in a queue or all."""
         with self._database.read() as connection:
-            return count_jobs(connection, status, tenant)
+            return count_jobs(connection, status, tenant, queue)
 
     def oldest_queued_at(self) -> float | None:
         """Return when the oldest queued job of all tenants was accepted, None without any."""

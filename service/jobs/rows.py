@@ -8,7 +8,7 @@ from sqlalchemy import ColumnElement, Connection, Row, func, select
 
 from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.database.tables import jobs
-from service.jobs.model import JobRow, JobStatus
+from service.jobs.model import JobQueue, JobRow, JobStatus
 
 
 def job_from_row(row: Row[Any]) -> JobRow:
@@ -25,9 +25,16 @@ def find_job(connection: Connection, *conditions: ColumnElement[bool]) -> JobRow
     return None if row is None else job_from_row(row)
 
 
-def count_jobs(connection: Connection, status: JobStatus, tenant: str | None = None) -> int:
-    """Return the number of jobs of this status, of one tenant or of all."""
+def count_jobs(
+    connection: Connection,
+    status: JobStatus,
+    tenant: str | None = None,
+    queue: JobQueue | None = None,
+) -> int:
+    """Return the number of jobs of this status, of one tenant or of all, in one queue or in all."""
     query = select(func.count()).select_from(jobs).where(jobs.c.status == status)
     if tenant is not None:
         query = query.where(jobs.c.tenant == tenant)
+    if queue is not None:
+        query = query.where(jobs.c.queue == queue)
     return connection.scalar(query) or 0

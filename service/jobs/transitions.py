@@ -13,10 +13,10 @@ from sqlalchemy import ColumnElement, Connection, and_, delete, select, update
 from service.database.engine import Database
 from service.database.tables import jobs
 from service.jobs.accept import accept_job
-from service.jobs.claim_order import MAX_PAUSE_S, claim_next
+from service.jobs.claim_order import MAX_PAUSE_S, NO_LIMIT, claim_next, find_next_tenant
 from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
-from service.jobs.model import TERMINAL_STATUSES, JobRow, Outcome, Retention
+from service.jobs.model import TERMINAL_STATUSES, JobQueue, JobRow, Outcome, Retention
 from service.jobs.notifier import JobListener
 from service.jobs.rows import find_job, job_from_row
 from service.problems import DeadlineError, WorkerLostError, error_document
@@ -73,13 +73,30 @@ class JobTransitions:
                 is_stored=self._is_stored,
             )
 
-    def claim(self, *, lease_s: float) -> JobRow | None:
-        """Begin an attempt at the next queued job, in the order of `service.jobs.claim_order`.
+    def is_claimable(self, queue: JobQueue, tenant_limit: int = NO_LIMIT) -> bool:
+        """Return whether `claim` would find a job now."""
+        with self._database.read() as connection:
+            return find_next_tenant(connection, queue, tenant_limit) is not None
 
-        Returns None when no job can be claimed.
+    def claim(
+        self, queue: JobQueue = "register", tenant_limit: int = NO_LIMIT, *, lease_s: float
+    ) -> JobRow | None:
+        """Begin an attempt at the next job of a queue, in the order of `service.jobs.claim_order`.
+
+        Parameters
+        ----------
+        tenant_limit : int
+            Jobs of the queue that a tenant may have running, the next one included.
+        lease_s : float
+            Seconds until another service may take the job, unless the lease is extended.
+
+        Returns
+        -------
+        JobRow or None
+            None when no job can be claimed.
         """
         with self._database.write(exclusive=True) as connection:
-            row = claim_next(connection, lease_s=lease_s)
+            row = claim_next(connection, queue, tenant_limit, lease_s=lease_s)
             if row is not None:
                 record_change(connection, row.id)
         if row is None:
@@ -105,9 +122,19 @@ class JobTransitions:
         values = {"stage": stage, "fraction": fraction}
         return self._change(_is_current_attempt(job), job.id, values, durable=False)
 
-    def record_inputs(self, job: JobRow) -> bool:
-        """Record that the clouds of the job are stored; return False if it is not current."""
-        values = {"source": asdict(job.source), "target": asdict(job.target), "timing": job.timing}
+    def record_fetched(self, job: JobRow) -> bool:
+        """Queue a job whose clouds are stored for the workers; return False if it is not current.
+
+        The worker goes on with the attempt of the fetch.
+        """
+        values = {
+            "source": asdict(job.source),
+            "target": asdict(job.target),
+            "timing": job.timing,
+            "attempt": job.attempt - 1,
+            "queue": "register",
+            **_QUEUED,
+        }
         return self._change(_is_current_attempt(job), job.id, values)
 
     def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
@@ -259,11 +286,19 @@ _QUEUED = {"status": "queued", "lease_until": None, "stage": "queued", "fraction
 
 
 def _is_current_attempt(job: JobRow) -> ColumnElement[bool]:
-    return and_(jobs.c.id == job.id, jobs.c.attempt == job.attempt, jobs.c.status == "running")
+    return and_(
+        jobs.c.id == job.id,
+        jobs.c.queue == job.queue,
+        jobs.c.attempt == job.attempt,
+        jobs.c.status == "running",
+    )
 
 
 def _with_totals(job: JobRow, stages: dict[str, float]) -> dict[str, float]:
     assert job.started_at is not None  # noqa: S101
-    queued_s, total_s = job.started_at - job.created_at, time.time() - job.created_at
+    total_s = time.time() - job.created_at
+    queued_s = job.started_at - job.created_at
+    if job.queue == "register":
+        queued_s -= job.timing.get("fetch_s", 0.0)
     # the clock may have been set back
     return {"queued_s": max(0.0, queued_s), **stages, "total_s": max(0.0, total_s)}

@@ -31,7 +31,8 @@ class Tracing:
         if job.confidence is not None:
             root.set_attribute("mpe.confidence", job.confidence)
         below = trace.set_span_in_context(root)
-        spans = [("queue", job.created_at, job.started_at)]
+        queued_s = job.timing.get("queued_s", job.started_at - job.created_at)
+        spans = [("queue", job.created_at, job.created_at + queued_s)]
         for stage in STAGES:
             begin = spans[-1][2]
             spans.append((stage.removesuffix("_s"), begin, begin + job.timing.get(stage, 0.0)))

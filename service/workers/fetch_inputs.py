@@ -15,19 +15,14 @@ from service.workers.progress import ProgressReport
 from service.workers.task import Task
 
 
-def needs_fetching(cloud: CloudInput) -> bool:
-    """Return whether the cloud is a URL that has not been fetched yet."""
-    return cloud.sha256 is None and cloud.url is not None
-
-
 def is_fetched_once(source: CloudInput, target: CloudInput) -> bool:
     """Return whether both clouds are the file at one URL, which is fetched for the source."""
-    return needs_fetching(source) and needs_fetching(target) and source.url == target.url
+    return source.needs_fetching and target.needs_fetching and source.url == target.url
 
 
 def aws_variables(*clouds: CloudInput) -> dict[str, str]:
     """Return the AWS_ variables of this process if a cloud has to be fetched from S3."""
-    if not any(needs_fetching(c) and str(c.url).startswith(S3_SCHEME) for c in clouds):
+    if not any(c.needs_fetching and str(c.url).startswith(S3_SCHEME) for c in clouds):
         return {}
     return {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
 
@@ -76,7 +71,7 @@ class FetchInputs(Task):
         return Fetched(source, target, report.timing)
 
     def _fetch_if_needed(self, role: str, cloud: CloudInput) -> FetchedFile | None:
-        if not needs_fetching(cloud):
+        if not cloud.needs_fetching:
             return None
         assert cloud.url is not None  # noqa: S101
         cache = HttpCache(self.environment.data_dir, self.environment.tenant)

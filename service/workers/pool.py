@@ -1,4 +1,4 @@
-"""Threads that claim waiting jobs and supervise one child process each."""
+"""Threads that claim waiting jobs of a queue and supervise one child process each."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import contextlib
 import logging
 import threading
 import time
+from typing import get_args
 
-from service.jobs.model import JobRow
+from service.jobs.claim_order import NO_LIMIT
+from service.jobs.model import JobQueue, JobRow
 from service.jobs.transitions import JobTransitions
 from service.problems import NotReadyError
 from service.settings import Settings
@@ -20,32 +22,47 @@ from service.workers.supervisor import LEASE_S, AttemptSupervisor
 POLL_INTERVAL_S = 1.0
 """Interval of the checks for jobs that another service on the same database has accepted."""
 
+_Claim = tuple[str, JobQueue]
+"""Id of a job, and the queue that it was claimed from: the second claim may overlap with the end of
+the first."""
+
 log = logging.getLogger(__name__)
 
 
 class WorkerPool:
-    """Runs as many jobs at once as there are workers; the store decides which is next."""
+    """Runs as many jobs at once as there are workers; the store decides which is next.
+
+    Clouds are fetched by threads of their own, so that a slow host holds no worker. A tenant gets
+    no more of them than it leaves free, so that another tenant's URLs are fetched too.
+    """
 
     def __init__(self, transitions: JobTransitions, blobs: BlobStore, settings: Settings) -> None:
         self._transitions = transitions
         self._blobs = blobs
         self._settings = settings
-        self._running: dict[str, tuple[JobRow, Child]] = {}
-        self._held: set[str] = set()
-        self._wake = threading.Semaphore(0)
+        self._running: dict[_Claim, tuple[JobRow, Child]] = {}
+        self._held: set[_Claim] = set()
+        self._wake = {queue: threading.Semaphore(0) for queue in get_args(JobQueue)}
         self._stopping = threading.Event()
         self._stopped = threading.Event()
         self._warm = threading.Event()
         self._failures: dict[str, str] = {}
+        self._workers = self._make_threads("register", "worker", settings.workers)
         self._threads = [
-            threading.Thread(target=self._serve, name=f"worker-{i}", daemon=True)
-            for i in range(settings.workers)
+            *self._workers,
+            *self._make_threads("fetch", "fetcher", settings.url.concurrency),
+        ]
+
+    def _make_threads(self, queue: JobQueue, name: str, number: int) -> list[threading.Thread]:
+        return [
+            threading.Thread(target=self._serve, args=(queue,), name=f"{name}-{i}", daemon=True)
+            for i in range(number)
         ]
 
     @property
     def is_ready(self) -> bool:
         """Whether jobs start at once."""
-        can_start = len(self._failures) < len(self._threads)
+        can_start = any(thread.name not in self._failures for thread in self._workers)
         return self._warm.is_set() and can_start and not self._stopping.is_set()
 
     @property
@@ -65,7 +82,7 @@ class WorkerPool:
 
     def held_jobs(self) -> frozenset[str]:
         """Return the ids of the jobs that this pool supervises."""
-        return frozenset(self._held)
+        return frozenset(job_id for job_id, _ in list(self._held))
 
     def start(self) -> None:
         """Recover the jobs of a killed process and start the threads."""
@@ -77,21 +94,21 @@ class WorkerPool:
         for thread in self._threads:
             thread.start()
 
-    def notify(self) -> None:
-        """Wake a thread, because a job was added."""
-        self._wake.release()
+    def notify(self, queue: JobQueue) -> None:
+        """Wake a thread, because a job was added to the queue."""
+        self._wake[queue].release()
 
     def kill(self, job_id: str) -> None:
         """Kill the child of a job that the store has already ended."""
-        running = self._running.get(job_id)
-        if running is not None:
-            running[1].kill()
+        for job, child in list(self._running.values()):
+            if job.id == job_id:
+                child.kill()
 
     def stop(self, grace_s: float = 0.0) -> None:
         """Start no further job; kill and requeue what still runs after the grace time."""
         self._stopping.set()
-        for _ in self._threads:
-            self._wake.release()
+        for wake in self._wake.values():
+            wake.release(len(self._threads))
         deadline = time.monotonic() + grace_s
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
@@ -104,20 +121,46 @@ class WorkerPool:
         self._stopped.set()
 
     def _remember(self, job: JobRow, child: Child) -> None:
-        self._running[job.id] = (job, child)
+        self._running[job.id, job.queue] = (job, child)
 
-    def _serve(self) -> None:
+    def _serve(self, queue: JobQueue) -> None:
         supervisor = AttemptSupervisor(
-            self._transitions, self._blobs, self._settings, self._remember
+            self._transitions,
+            self._blobs,
+            self._settings,
+            started=self._remember,
+            fetched=lambda: self.notify("register"),
         )
+        serve = self._register if queue == "register" else self._fetch
         while not self._stopping.is_set():
             try:
-                if self._prepare(supervisor):
-                    self._work_or_wait(supervisor)
+                serve(supervisor)
             except Exception:
                 log.exception("a worker thread met an unexpected error and goes on")
                 self._stopping.wait(POLL_INTERVAL_S)
         supervisor.spare.close()
+
+    def _register(self, supervisor: AttemptSupervisor) -> None:
+        """Run a job, or wait for one; its process is ready before it is claimed."""
+        if not self._prepare(supervisor):
+            return
+        self._warm.set()
+        if not self._work(supervisor, "register", NO_LIMIT):
+            self._wait_for_jobs("register")
+
+    def _fetch(self, supervisor: AttemptSupervisor) -> None:
+        """Fetch the clouds of a job, or wait for one; a process is started where one is needed."""
+        if not self._transitions.is_claimable("fetch", self._free_fetchers()):
+            self._wait_for_jobs("fetch")
+        elif self._prepare(supervisor):
+            self._work(supervisor, "fetch", self._free_fetchers())
+
+    def _free_fetchers(self) -> int:
+        busy = sum(queue == "fetch" for _, queue in list(self._held))
+        return self._settings.url.concurrency - busy
+
+    def _wait_for_jobs(self, queue: JobQueue) -> None:
+        self._wake[queue].acquire(timeout=POLL_INTERVAL_S)
 
     def _prepare(self, supervisor: AttemptSupervisor) -> bool:
         """Wait a moment for the next process; return whether it is ready."""
@@ -132,18 +175,19 @@ class WorkerPool:
             return False
         if is_ready:
             self._failures.pop(name, None)
-            self._warm.set()
         return is_ready
 
-    def _work_or_wait(self, supervisor: AttemptSupervisor) -> None:
-        job = self._transitions.claim(lease_s=LEASE_S)
+    def _work(self, supervisor: AttemptSupervisor, queue: JobQueue, tenant_limit: int) -> bool:
+        """Run an attempt at the next job; return False when there is none."""
+        job = self._transitions.claim(queue, tenant_limit, lease_s=LEASE_S)
         if job is None:
-            self._wake.acquire(timeout=POLL_INTERVAL_S)
-            return
-        self._held.add(job.id)
+            return False
+        claim = (job.id, queue)
+        self._held.add(claim)
         try:
             with job_context(job.id):
                 supervisor.run_attempt(job)
         finally:
-            self._running.pop(job.id, None)
-            self._held.discard(job.id)
+            self._running.pop(claim, None)
+            self._held.discard(claim)
+        return True

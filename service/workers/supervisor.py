@@ -31,12 +31,7 @@ from service.storage.scratch import scratch_folder
 from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError, NoProcessError
 from service.workers.child_files import store_fetched, store_result
-from service.workers.fetch_inputs import (
-    FetchInputs,
-    aws_variables,
-    is_fetched_once,
-    needs_fetching,
-)
+from service.workers.fetch_inputs import FetchInputs, aws_variables, is_fetched_once
 from service.workers.messages import (
     Answer,
     Failed,
@@ -71,12 +66,15 @@ class AttemptSupervisor:
     blobs: BlobStore
     settings: Settings
     started: Callable[[JobRow, Child], None]
-    """Called with the job and each of its children, so that a cancel can kill it."""
+    """Called with the job and its child, so that a cancel can kill it."""
+    fetched: Callable[[], None]
+    """Called when a job has been fetched and waits to be registered."""
     spare: SpareChild = field(default_factory=SpareChild)
 
     def run_attempt(self, job: JobRow) -> None:
         """Run one attempt at a claimed job and record how it ends."""
-        with scratch_folder(self.settings.data_dir, f"{job.id}-{job.attempt}") as scratch:
+        name = f"{job.id}-{job.queue}-{job.attempt}"
+        with scratch_folder(self.settings.data_dir, name) as scratch:
             try:
                 self._attempt(job, scratch)
             except (JobTimeoutError, DeadlineError, ExpiredError) as error:
@@ -101,20 +99,23 @@ class AttemptSupervisor:
         environment = TaskEnvironment.create(
             job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self.settings
         )
-        limits = AttemptLimits.of(job, self.settings.job_timeout_s)
-        if needs_fetching(job.source) or needs_fetching(job.target):
-            policy = FetchPolicy.of(self.settings)
-            secrets = aws_variables(job.source, job.target)
-            fetch = FetchInputs(environment, job.source, job.target, policy, secrets)
-            fetched_job = self._record_fetched(job, fetch, self._perform(job, fetch, limits))
-            if fetched_job is None:
-                return
-            job = fetched_job
+        if job.queue == "fetch":
+            self._fetch(job, environment)
+        else:
+            self._register(job, environment)
+
+    def _fetch(self, job: JobRow, environment: TaskEnvironment) -> None:
+        policy = FetchPolicy.of(self.settings)
+        secrets = aws_variables(job.source, job.target)
+        task = FetchInputs(environment, job.source, job.target, policy, secrets)
+        self._record_fetched(job, task, self._perform(job, task))
+
+    def _register(self, job: JobRow, environment: TaskEnvironment) -> None:
         self._check_inputs(job)
-        register = RegisterClouds(environment, job.source, job.target, job.options)
-        answer = self._perform(job, register, limits)
-        self._keep_decoded(job, scratch)
-        self._record_outcome(job, answer, scratch)
+        task = RegisterClouds(environment, job.source, job.target, job.options)
+        answer = self._perform(job, task)
+        self._keep_decoded(job, environment.scratch)
+        self._record_outcome(job, answer, environment.scratch)
 
     def _check_inputs(self, job: JobRow) -> None:
         """Check that the files of both clouds are on the disk.
@@ -129,8 +130,9 @@ class AttemptSupervisor:
             if sha256 is not None and not self.blobs.exists(sha256):
                 raise ExpiredError(f"{role}: its file is missing on the disk; send it again.")
 
-    def _perform(self, job: JobRow, task: Task, limits: AttemptLimits) -> Answer | None:
+    def _perform(self, job: JobRow, task: Task) -> Answer | None:
         """Have a child perform the task; return None when the job has been taken away."""
+        limits = AttemptLimits.of(job, self.settings.job_timeout_s)
         child = self.spare.take()
         answer = None
         try:
@@ -171,7 +173,7 @@ class AttemptSupervisor:
                     is_current = self.transitions.extend_lease(job, lease_s=LEASE_S)
                     next_heartbeat = time.monotonic() + HEARTBEAT_S
                 is_current = is_current and self._is_current_attempt(job, message)
-            if message is not None:
+            if message is not None and job.queue == "register":
                 self.spare.start()  # for the next task, while this one runs
         return None
 
@@ -181,13 +183,11 @@ class AttemptSupervisor:
             return self.transitions.record_progress(job, message.stage, message.fraction)
         return self.transitions.is_current(job)
 
-    def _record_fetched(
-        self, job: JobRow, task: FetchInputs, answer: Answer | None
-    ) -> JobRow | None:
-        """Return the job with its clouds stored; None when the attempt is over."""
+    def _record_fetched(self, job: JobRow, task: FetchInputs, answer: Answer | None) -> None:
+        """Store the clouds and queue the job for a worker."""
         if not isinstance(answer, Fetched):
             self._record_failure(job, answer)
-            return None
+            return
         cache = HttpCache(self.settings.data_dir, job.tenant)
         source = self._with_content(job.source, answer.source, task.output("source"), cache)
         if is_fetched_once(job.source, job.target):
@@ -195,16 +195,13 @@ class AttemptSupervisor:
         else:
             target = self._with_content(job.target, answer.target, task.output("target"), cache)
         fetched = replace(job, source=source, target=target, timing=answer.timing)
-        return (
-            fetched
-            if _retry_while_unavailable(lambda: self.transitions.record_inputs(fetched))
-            else None
-        )
+        if _retry_while_unavailable(lambda: self.transitions.record_fetched(fetched)):
+            self.fetched()
 
     def _with_content(
         self, cloud: CloudInput, file: FetchedFile | None, path: Path, cache: HttpCache
     ) -> CloudInput:
-        if not needs_fetching(cloud):
+        if not cloud.needs_fetching:
             return cloud
         if file is None:
             raise ChildLostError("it left out a file that it was to fetch")

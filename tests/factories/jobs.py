@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from service.clouds.inputs import CloudInput
 from service.database.engine import Database
-from service.jobs.model import JobRow, Outcome, Retention
+from service.jobs.model import JobQueue, JobRow, Outcome, Retention
 from service.jobs.notifier import JobListener
 from service.jobs.transitions import JobTransitions
 
@@ -48,8 +48,10 @@ def add(transitions: JobTransitions, **values: Any) -> JobRow:
     return transitions.add(new_job(**values))
 
 
-def claim(transitions: JobTransitions, *, lease_s: float = LEASE_S) -> JobRow:
-    """Claim the next job, which must exist."""
-    job = transitions.claim(lease_s=lease_s)
+def claim(
+    transitions: JobTransitions, queue: JobQueue = "register", *, lease_s: float = LEASE_S
+) -> JobRow:
+    """Claim the next job of a queue, which must exist."""
+    job = transitions.claim(queue, lease_s=lease_s)
     assert job is not None
     return job

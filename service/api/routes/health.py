@@ -58,7 +58,7 @@ def metrics(runtime: CurrentRuntime) -> Response:
 def capacity(runtime: CurrentRuntime, caller: CurrentCaller) -> Capacity:
     """Return workers, queue, limits, and the usage of the caller's tenant."""
     settings, limits = runtime.settings, caller.limits
-    running = runtime.jobs.count("running")
+    running = runtime.jobs.count("running", queue="register")
     return Capacity(
         workers=settings.workers,
         threads_per_worker=settings.threads,

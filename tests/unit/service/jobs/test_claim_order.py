@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
+from service.clouds.inputs import CloudInput
 from service.jobs.model import JobRow
 from service.jobs.transitions import JobTransitions
-from tests.factories.jobs import LEASE_S, OUTCOME, add, claim
+from tests.factories.jobs import CLOUD, LEASE_S, OUTCOME, add, claim
+
+AWAY = CloudInput(url="http://there/cloud.ply")
 
 
 def add_many(transitions: JobTransitions, tenant: str, count: int, priority: int = 0) -> None:
@@ -70,6 +74,41 @@ def test_deleting_what_has_ended_buys_no_turn(transitions: JobTransitions) -> No
     finish(transitions, job)
     assert transitions.remove(job.id)
     assert claim(transitions).tenant == "b"
+
+
+def test_fetches_and_registrations_have_turns_of_their_own(transitions: JobTransitions) -> None:
+    """What a tenant has fetched takes no worker from it, and no turn."""
+    add_many(transitions, "a", 2)
+    for _ in range(2):
+        add(transitions, tenant="a", source=AWAY)
+    assert claim(transitions, "fetch").source == AWAY
+    add_many(transitions, "b", 1)
+    assert [claim(transitions).tenant for _ in range(3)] == ["a", "b", "a"]
+    assert not transitions.is_claimable("register")
+    assert transitions.is_claimable("fetch")
+
+
+def test_a_tenant_gets_no_more_than_its_limit(transitions: JobTransitions) -> None:
+    add_many(transitions, "a", 3)
+    assert transitions.claim("register", 2, lease_s=LEASE_S) is not None
+    assert transitions.claim("register", 2, lease_s=LEASE_S) is not None
+    assert not transitions.is_claimable("register", 2)
+    assert transitions.claim("register", 2, lease_s=LEASE_S) is None
+    add_many(transitions, "b", 1)
+    assert transitions.claim("register", 2, lease_s=LEASE_S) is not None
+
+
+def test_the_worker_goes_on_with_the_attempt_of_the_fetch(transitions: JobTransitions) -> None:
+    add(transitions, source=AWAY)
+    fetch = claim(transitions, "fetch")
+    fetched = replace(fetch, source=CLOUD, timing={"fetch_s": 1.0})
+    assert transitions.record_fetched(fetched)
+    assert not transitions.record_fetched(fetched)
+    register = claim(transitions)
+    assert (register.id, register.attempt, register.source) == (fetch.id, 1, CLOUD)
+    assert not transitions.fail(fetch, {"detail": "late"}, {})
+    assert not transitions.record_fetched(fetched)
+    assert transitions.succeed(register, OUTCOME, None)
 
 
 def test_claims_at_the_same_time_share_alike(transitions: JobTransitions) -> None:

@@ -16,7 +16,7 @@ def test_secrets_of_urls_are_dropped_at_the_end_and_not_before(
     transitions: JobTransitions, queries: JobQueries
 ) -> None:
     add(transitions, source=CloudInput(url=SIGNED))
-    job = claim(transitions)
+    job = claim(transitions, "fetch")
     assert job.source.url == SIGNED
     transitions.fail(job, {"detail": "x"}, {})
     ended = queries.get(TENANT, job.id)

@@ -68,7 +68,7 @@ def test_an_attempt_that_lost_its_job_changes_nothing(
     assert not transitions.is_current(first)
     assert not transitions.succeed(first, OUTCOME, None)
     assert not transitions.record_progress(first, "search", 0.9)
-    assert not transitions.record_inputs(first)
+    assert not transitions.record_fetched(first)
     assert not transitions.fail(first, {"detail": "late"}, {})
     assert not transitions.requeue(first)
     assert not transitions.record_lost_attempt(first, "again")

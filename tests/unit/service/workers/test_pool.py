@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from service.clouds.inputs import CloudInput
 from service.database.engine import Database, open_database
 from service.jobs.model import JobRow
 from service.jobs.queries import JobQueries
@@ -21,6 +22,8 @@ from tests.factories.attempts import FakeChild
 from tests.factories.jobs import TENANT, add, claim, open_transitions
 from tests.factories.waiting import until
 
+AWAY = CloudInput(url="http://there/cloud.ply")
+
 
 class FakeSupervisor:
     """Works on a job until its child is killed, or fails as the test wants."""
@@ -29,7 +32,12 @@ class FakeSupervisor:
     failure: str | None = None
 
     def __init__(
-        self, transitions: Any, blobs: Any, settings: Any, started: Callable[[JobRow, Any], None]
+        self,
+        transitions: Any,
+        blobs: Any,
+        settings: Any,
+        started: Callable[[JobRow, Any], None],
+        fetched: Callable[[], None],
     ) -> None:
         self._transitions = transitions
         self._started = started
@@ -90,6 +98,29 @@ def test_as_many_jobs_run_as_there_are_workers(database: Database, pool: WorkerP
     assert pool.is_ready
 
 
+def test_urls_hold_no_worker(database: Database, pool: WorkerPool) -> None:
+    transitions = open_transitions(database)
+    for _ in range(9):
+        add(transitions, source=AWAY)
+    pool.start()
+    until(lambda: statuses(database)[1] == 4)
+    mine = add(transitions)
+    until(lambda: (mine.id, "register") in pool._running)
+
+
+def test_a_tenant_gets_no_more_fetchers_than_it_leaves_free(
+    database: Database, pool: WorkerPool
+) -> None:
+    transitions, jobs = open_transitions(database), JobQueries(database)
+    for tenant in "abcd":
+        for _ in range(9):
+            add(transitions, source=AWAY, tenant=tenant)
+    pool.start()
+    until(lambda: statuses(database)[1] == 8)
+    assert all(jobs.count("running", tenant) >= 1 for tenant in "abcd")
+    assert max(jobs.count("running", tenant) for tenant in "abcd") <= 4
+
+
 def test_a_stop_gives_back_what_runs_and_loses_no_attempt(
     database: Database, pool: WorkerPool
 ) -> None:
@@ -109,7 +140,7 @@ def test_a_killed_job_frees_its_worker(database: Database, pool: WorkerPool) -> 
     job = add(transitions)
     pool.start()
     until(lambda: statuses(database) == [0, 1])
-    until(lambda: job.id in pool._running)
+    until(lambda: (job.id, "register") in pool._running)
     transitions.cancel(job.id)
     pool.kill(job.id)
     pool.kill("unknown")
@@ -126,7 +157,7 @@ def test_an_unexpected_error_ends_no_worker(
     until(lambda: "ZeroDivisionError" in caplog.text)
     for _ in range(2):
         add(transitions)
-    pool.notify()
+    pool.notify("register")
     until(lambda: statuses(database) == [0, 3])
 
 
@@ -135,7 +166,7 @@ def test_what_a_killed_service_left_is_taken_up(database: Database, pool: Worker
     add(transitions)
     left = claim(transitions)
     pool.start()
-    until(lambda: pool._running.get(left.id, (left,))[0].attempt == 2)
+    until(lambda: pool._running.get((left.id, "register"), (left,))[0].attempt == 2)
 
 
 def test_workers_that_cannot_start_say_why_and_claim_nothing(

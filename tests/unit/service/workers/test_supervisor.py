@@ -14,7 +14,7 @@ import pytest
 
 from service.clouds.inputs import CloudInput
 from service.database.engine import open_database
-from service.jobs.model import JobRow
+from service.jobs.model import JobQueue, JobRow
 from service.jobs.queries import JobQueries
 from service.jobs.transitions import MAX_LOST_ATTEMPTS, JobTransitions
 from service.problems import NotReadyError, error_document
@@ -56,6 +56,7 @@ class Attempts:
     settings: Settings
     children: list[FakeChild] = field(default_factory=list)
     started: list[Child] = field(default_factory=list)
+    fetched: int = 0
 
     def add(self, **values: Any) -> JobRow:
         return add(self.transitions, **{"source": HERE, "target": HERE} | values)
@@ -67,13 +68,21 @@ class Attempts:
         """Run an attempt at the next job with one child after the other; return the job then."""
         return self.supervise([FakeChild(*lines, files=FILES) for lines in children])
 
-    def supervise(self, children: list[FakeChild]) -> JobRow:
-        job, self.children = claim(self.transitions), children
+    def fetch(self, *lines: Line) -> JobRow:
+        """Run an attempt at fetching the clouds of the next job; return the job then."""
+        return self.supervise([FakeChild(*lines, files=FILES)], "fetch")
+
+    def _count_fetched(self) -> None:
+        self.fetched += 1
+
+    def supervise(self, children: list[FakeChild], queue: JobQueue = "register") -> JobRow:
+        job, self.children = claim(self.transitions, queue), children
         AttemptSupervisor(
             self.transitions,
             self.blobs,
             self.settings,
             started=lambda job, child: self.started.append(child),
+            fetched=self._count_fetched,
             spare=cast(SpareChild, FakeSpare(children)),
         ).run_attempt(job)
         assert all(child.is_closed for child in children if child.task is not None)
@@ -121,18 +130,19 @@ def test_success_is_recorded_with_what_the_child_stored(attempts: Attempts) -> N
 
 def test_inputs_are_fetched_by_a_child_of_their_own(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
-    job = attempts.run(
-        [Progress("fetch", 0.0), Fetched(FETCHED, None, {"fetch_s": 2.0})], [SUCCEEDED]
-    )
+    waits = attempts.fetch(Progress("fetch", 0.0), Fetched(FETCHED, None, {"fetch_s": 2.0}))
+    assert (waits.status, waits.queue, attempts.fetched) == ("queued", "register", 1)
+    (fetch,) = attempts.children
+    job = attempts.run([SUCCEEDED])
+    (register,) = attempts.children
     sha256 = hashlib.sha256(b"cloud").hexdigest()
-    assert job.status == "succeeded"
+    assert (job.status, job.attempt) == ("succeeded", 1)
     assert (job.source.sha256, job.source.size, job.source.url) == (sha256, 5, AWAY.url)
     assert job.target == HERE
     assert (job.timing["fetch_s"], job.timing["decode_s"]) == (2.0, 1.0)
-    fetch, register = (child.task for child in attempts.children)
-    assert isinstance(fetch, FetchInputs)
-    assert isinstance(register, RegisterClouds)
-    assert register.source.sha256 == sha256
+    assert isinstance(fetch.task, FetchInputs)
+    assert isinstance(register.task, RegisterClouds)
+    assert register.task.source.sha256 == sha256
     assert attempts.blobs.path(sha256).read_bytes() == b"cloud"
 
 
@@ -151,8 +161,8 @@ def test_a_problem_is_recorded_as_it_is(attempts: Attempts) -> None:
 
 def test_what_cannot_be_fetched_is_not_registered(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
-    assert attempts.run([FAILED], []).status == "failed"
-    assert attempts.children[1].task is None
+    assert attempts.fetch(FAILED).status == "failed"
+    assert attempts.fetched == 0
 
 
 @pytest.mark.parametrize(
@@ -207,7 +217,7 @@ def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
 
 def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
-    assert attempts.run([Fetched(None, None, {})]).lost_attempts == 1
+    assert attempts.fetch(Fetched(None, None, {})).lost_attempts == 1
 
 
 @pytest.mark.parametrize(
@@ -225,7 +235,7 @@ def test_a_fetch_that_claims_a_file_that_is_not_cached_is_a_lost_child(attempts:
     """The child cannot name a stored file; only the tenant's cache can."""
     attempts.add(source=AWAY)
     claimed = replace(FETCHED, is_cached=True)
-    assert attempts.run([Fetched(claimed, None, {})]).lost_attempts == 1
+    assert attempts.fetch(Fetched(claimed, None, {})).lost_attempts == 1
 
 
 def test_a_child_that_cannot_be_started_costs_the_job_nothing(attempts: Attempts) -> None:
@@ -350,5 +360,7 @@ def test_the_lease_is_extended_while_the_child_works(
 
 def test_each_child_is_made_known_so_that_a_cancel_can_kill_it(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
-    attempts.run([Fetched(FETCHED, None, {})], [SUCCEEDED])
-    assert attempts.started == attempts.children
+    attempts.fetch(Fetched(FETCHED, None, {}))
+    (fetch,) = attempts.children
+    attempts.run([SUCCEEDED])
+    assert attempts.started == [fetch, *attempts.children]
