@@ -11,6 +11,7 @@ from benchmarks.parts import PARTS
 from benchmarks.scaling import SCALING
 from benchmarks.scenes import SCENES_EXPERIMENT
 from benchmarks.service_load import LOAD
+from benchmarks.threads import THREADS
 
 if __name__ == "__main__":
     main(
@@ -24,6 +25,7 @@ if __name__ == "__main__":
             CONFIDENCE,
             CALIBRATION,
             SCALING,
+            THREADS,
             LOAD,
         ],
         "python -m benchmarks",

@@ -238,7 +238,7 @@ class JobTimeoutError(ServiceError):
 
 
 class JobMemoryError(ServiceError):
-    """The attempt needed more than MPE_JOB_MEMORY_BYTES."""
+    """The attempt needed more than MPE_JOB_MEMORY_BYTES, or than the machine has."""
 
     problem = ProblemType(507, "job-memory", "The registration needs too much memory")
 

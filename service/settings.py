@@ -39,6 +39,8 @@ from pydantic_settings import (
     SettingsConfigDict,
 )
 
+from mpe_core.machine import available_cores, memory_limit
+
 PREFIX = "MPE_"
 MEBIBYTE = 2**20
 DAY_S = 86_400.0
@@ -61,20 +63,12 @@ class InvalidSettingsError(ValueError):
     """A variable has a value that is not allowed; the message names the variable."""
 
 
-def available_cores() -> int:
-    """Count the cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _default_workers() -> int:
     return min(4, available_cores())
 
 
 def _default_job_memory() -> int:
-    physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return max(1024 * MEBIBYTE, int(0.8 * physical) // _default_workers())
+    return max(1024 * MEBIBYTE, int(0.8 * memory_limit()) // _default_workers())
 
 
 def _default_connections() -> int:
@@ -262,8 +256,8 @@ class Settings(BaseSettings):
     job_timeout_s: PositiveFloat = 600
     """Time limit of one attempt at a registration, in seconds; it is killed then."""
     job_memory_bytes: int = Field(default_factory=_default_job_memory, ge=256 * MEBIBYTE)
-    """Maximum address space of one worker, in bytes. Default: 80 % of the memory divided by the
-    workers.
+    """Maximum address space of one worker, in bytes. Default: 80 % of the memory, or of the
+    container's limit, divided by the workers.
     """
     require_sandbox: bool = False
     """Whether to refuse to start where the kernel lacks a part of the sandbox, Landlock or
@@ -286,7 +280,8 @@ class Settings(BaseSettings):
     min_free_disk_bytes: NonNegativeInt = 512 * MEBIBYTE
     """Free disk space below which submissions are answered 503, in bytes."""
     min_free_memory_bytes: NonNegativeInt = 256 * MEBIBYTE
-    """Free memory below which submissions are answered 503, in bytes."""
+    """Free memory, of the machine or of the container, below which submissions are answered 503, in
+    bytes."""
     url: UrlSettings = UrlSettings()
     private_networks: CommaSeparated[IPv4Network | IPv6Network] = ()
     """Networks that URLs and callbacks may reach although they are not public, comma-separated

@@ -10,6 +10,7 @@ import psutil
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
+from mpe_core.machine import memory_left
 from service.auth.authenticator import Caller
 from service.jobs.accept import check_queue_limit, check_tenant_queue_limit
 from service.problems import NotReadyError, OverloadedError, QuotaExceededError
@@ -119,6 +120,12 @@ def count_file(runtime: Runtime, caller: Caller, path: Path) -> Iterator[None]:
         runtime.storage_quota.release(caller, size)
 
 
+def free_memory() -> int:
+    """Return the bytes that are free on the machine, or that the container may still take."""
+    free, left = int(psutil.virtual_memory().available), memory_left()
+    return free if left is None else min(free, left)
+
+
 def check_capacity(runtime: Runtime, caller: Caller) -> None:
     """Check that the service could queue a registration of the caller now.
 
@@ -140,5 +147,5 @@ def check_capacity(runtime: Runtime, caller: Caller) -> None:
     if tenant_limit is not None:
         check_tenant_queue_limit(runtime.jobs.count("queued", caller.tenant), tenant_limit)
     check_disk(runtime)
-    if psutil.virtual_memory().available < settings.min_free_memory_bytes:
+    if free_memory() < settings.min_free_memory_bytes:
         raise OverloadedError("Too little memory is left; retry later.")

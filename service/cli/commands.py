@@ -61,7 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
     add_keys(commands)
-    commands.add_parser("doctor", help="print what this system has of the sandbox")
+    commands.add_parser("doctor", help="print cores, memory and parts of the sandbox")
     return parser
 
 
@@ -163,9 +163,18 @@ def _keys(arguments: argparse.Namespace) -> int:
 def _doctor(arguments: argparse.Namespace) -> int:
     from service.workers.sandbox.confinement import describe_sandbox, missing_parts
 
+    print(_describe_machine())
     print(describe_sandbox())
     missing = missing_parts()
     return _fail(f"this system lacks {'; '.join(missing)}", EXIT_ERROR) if missing else EXIT_OK
+
+
+def _describe_machine() -> str:
+    from mpe_core.machine import available_cores, memory_left, memory_limit
+
+    left = memory_left()
+    text = f"cores       {available_cores()}\nmemory      {memory_limit() / 2**30:.1f} GiB"
+    return text if left is None else f"{text}, of which {left / 2**30:.1f} GiB are left"
 
 
 def _fail(message: str, code: int) -> int:

@@ -10,6 +10,7 @@ from prometheus_client import CollectorRegistry, Counter, Histogram, generate_la
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 
+from mpe_core.machine import available_cores, memory_limit
 from service.jobs.model import JOB_STATUSES, JobRow
 from service.jobs.queries import JobQueries
 
@@ -107,6 +108,14 @@ class _StateCollector(Collector):
             ["workers"], sum(_resident_bytes(p) for p in process.children(recursive=True))
         )
         yield memory
+        yield GaugeMetricFamily(
+            "mpe_memory_limit_bytes",
+            "Memory of the machine, or of the container where less.",
+            memory_limit(),
+        )
+        yield GaugeMetricFamily(
+            "mpe_cores", "Cores that the service and its workers may use.", available_cores()
+        )
 
 
 def _resident_bytes(process: psutil.Process) -> int:

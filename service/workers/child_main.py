@@ -29,6 +29,7 @@ from service.workers.sandbox.limits import (
     forkserver_pid,
     lower_priority,
     name_process,
+    raise_oom_score,
 )
 from service.workers.task import Task
 
@@ -57,6 +58,7 @@ def _enter_sandbox(task: Task, connection: Connection) -> None:
     name_process(BUSY_NAME)
     apply_limits(environment.limits)
     lower_priority(CHILD_NICENESS)
+    raise_oom_score()
     forbid_inspection()
     job_id.set(environment.job_id)
     tempfile.tempdir = str(environment.scratch)

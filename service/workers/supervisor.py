@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+from mpe_core.machine import count_oom_kills
 from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
@@ -19,6 +21,7 @@ from service.problems import (
     DeadlineError,
     DiskFullError,
     ExpiredError,
+    JobMemoryError,
     JobTimeoutError,
     NotReadyError,
     error_document,
@@ -55,6 +58,12 @@ POLL_INTERVAL_S = 0.5
 DISK_FULL = TYPE_PREFIX + DiskFullError.problem.slug
 """Type of the problem that a child answers when it cannot write."""
 
+OUT_OF_MEMORY = (
+    "The machine or its container ran out of memory, and the kernel ended the registration: send"
+    " smaller clouds, or give the service more memory or fewer workers (MPE_WORKERS)."
+)
+SIGKILL_NAME = signal.Signals.SIGKILL.name
+
 log = logging.getLogger(__name__)
 
 
@@ -73,6 +82,7 @@ class AttemptSupervisor:
 
     def run_attempt(self, job: JobRow) -> None:
         """Run one attempt at a claimed job and record how it ends."""
+        oom_kills = count_oom_kills()
         name = f"{job.id}-{job.queue}-{job.attempt}"
         with scratch_folder(self.settings.data_dir, name) as scratch:
             try:
@@ -90,7 +100,10 @@ class AttemptSupervisor:
                 log.warning("attempt %d was interrupted: %s", job.attempt, reason)
             except ChildLostError as lost:
                 reason = str(lost)
-                if _retry_while_unavailable(
+                if SIGKILL_NAME in reason and count_oom_kills() > oom_kills:
+                    document = error_document(JobMemoryError(OUT_OF_MEMORY))
+                    _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
+                elif _retry_while_unavailable(
                     lambda: self.transitions.record_lost_attempt(job, reason)
                 ):
                     log.warning("attempt %d was lost: %s", job.attempt, reason)

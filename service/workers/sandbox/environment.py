@@ -13,6 +13,7 @@ from collections.abc import Mapping
 KEPT_NAMES = frozenset(("HOME", "LANG", "MPE_LOG_LEVEL", "PATH", "TMPDIR", "TZ", "USER"))
 KEPT_PREFIXES = (
     "COVERAGE_",
+    "GOMP_",
     "KMP_",
     "LC_",
     "LD_",

@@ -17,6 +17,10 @@ MAX_OPEN_FILES = 256
 MAX_FILE_BYTES = 64 * 2**30
 """Length of a file that a child writes, in bytes; the disk is watched elsewhere."""
 AUTOGROUP = "/proc/self/autogroup"
+OOM_SCORE_ADJ = "/proc/self/oom_score_adj"
+OOM_SCORE = 500
+"""What a child adds to its score of 0 to 1000 by which the kernel chooses whom to end for want of
+memory: the job, and not the service."""
 _PR_SET_PDEATHSIG = 1
 _PR_SET_DUMPABLE = 4
 _PR_SET_NAME = 15
@@ -95,6 +99,13 @@ def lower_priority(niceness: int) -> None:
     _prctl(_PR_SET_DUMPABLE, 1)  # else the file belongs to root; see forbid_inspection
     with contextlib.suppress(OSError), open(AUTOGROUP, "w") as autogroup:  # noqa: PTH123
         autogroup.write(str(total))
+
+
+def raise_oom_score(score: int = OOM_SCORE) -> None:
+    """Have the kernel end this process before others when memory is short (Linux)."""
+    _prctl(_PR_SET_DUMPABLE, 1)  # else the file belongs to root; see forbid_inspection
+    with contextlib.suppress(OSError), open(OOM_SCORE_ADJ, "w") as file:  # noqa: PTH123
+        file.write(str(score))
 
 
 def apply_limits(limits: ResourceLimits) -> None:

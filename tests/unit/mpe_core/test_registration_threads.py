@@ -33,3 +33,28 @@ def test_it_is_openmp_unless_the_caller_says_otherwise(chosen, layer):
         check=True,
     )
     assert ran.stdout.split() == [layer]
+
+
+SPIN_COUNT = """
+import os
+from mpe_core import register
+print(os.environ.get("GOMP_SPINCOUNT"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("chosen", "turns"),
+    [({}, "1000"), ({"GOMP_SPINCOUNT": "7"}, "7"), ({"OMP_WAIT_POLICY": "active"}, "None")],
+)
+def test_threads_sleep_while_they_wait_unless_the_caller_says_otherwise(chosen, turns):
+    inherited = {
+        key: value for key, value in os.environ.items() if not key.startswith(("OMP_", "GOMP_"))
+    }
+    ran = subprocess.run(
+        [sys.executable, "-c", SPIN_COUNT],
+        env=inherited | chosen,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout.split() == [turns]

@@ -10,6 +10,7 @@ import sys
 import pytest
 from pydantic import SecretStr
 
+from mpe_core.machine import available_cores
 from service.settings import (
     GROUPS,
     RENAMED_VARIABLES,
@@ -18,7 +19,6 @@ from service.settings import (
     Settings,
     SettingsGroup,
     WebhookSettings,
-    available_cores,
     load_settings,
     log_renamed_variables,
     setting_variables,

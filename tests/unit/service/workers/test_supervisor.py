@@ -215,6 +215,19 @@ def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
     assert job.error["detail"].startswith("target: ")
 
 
+def test_a_job_that_the_kernel_ends_for_want_of_memory_says_so(
+    attempts: Attempts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts = iter((3, 4))
+    monkeypatch.setattr(module, "count_oom_kills", lambda: next(counts))
+    attempts.add()
+    job = attempts.run([ChildLostError("its process was ended by SIGKILL")])
+    assert job.status == "failed"
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:job-memory"
+    assert "MPE_WORKERS" in job.error["detail"]
+
+
 def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:
     attempts.add(source=AWAY)
     assert attempts.fetch(Fetched(None, None, {})).lost_attempts == 1

@@ -38,6 +38,15 @@ while True:
     pass
 """
 
+VOLUNTEERS = """
+from pathlib import Path
+from service.workers.sandbox.limits import OOM_SCORE_ADJ, forbid_inspection, raise_oom_score
+
+forbid_inspection()
+raise_oom_score(700)
+print(Path(OOM_SCORE_ADJ).read_text().strip())
+"""
+
 
 def run(program: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -61,3 +70,8 @@ def test_memory_and_cpu_time_are_bounded() -> None:
 def test_a_process_that_was_not_forked_has_no_forkserver() -> None:
     with pytest.raises(RuntimeError, match="not forked"):
         forkserver_pid()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux scores processes")
+def test_the_kernel_takes_a_job_before_the_service() -> None:
+    assert run(VOLUNTEERS).stdout == "700\n"
