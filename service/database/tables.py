@@ -86,7 +86,7 @@ Index("jobs_by_age", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("jobs_waiting", jobs.c.status, jobs.c.priority, jobs.c.created_at)
 Index("jobs_by_work", jobs.c.work_key)
 
-# when each tenant was served last, in claims of all tenants from one queue
+# when each tenant was served last, in claims of all tenants from one queue of jobs or callbacks
 turns = Table(
     "turns",
     metadata,
@@ -113,6 +113,9 @@ deliveries = Table(
     metadata,
     Column("id", String, primary_key=True),
     Column("job_id", String, ForeignKey(jobs.c.id, ondelete="CASCADE"), nullable=False),
+    # of the job, and of its callback_url
+    Column("tenant", String, nullable=False),
+    Column("host", String, nullable=False),
     Column("status", String, nullable=False),
     Column("created_at", Float, nullable=False),
     Column("next_at", Float),

@@ -70,11 +70,11 @@ def claim_next(
     times = {"started_at": now, "lease_until": now + lease_s}
     row = connection.execute(_CLAIM, values | times).one_or_none()
     if row is not None:
-        _record_turn(connection, tenant, queue)
+        record_turn(connection, tenant, queue)
     return row
 
 
-def _record_turn(connection: Connection, tenant: str, queue: JobQueue) -> None:
+def record_turn(connection: Connection, tenant: str, queue: str) -> None:
     """Make the tenant the most recently served one of the queue; turns are counted, not timed."""
     last = select(func.max(turns.c.turn)).where(turns.c.queue == queue)
     turn = (connection.scalar(last) or 0) + 1

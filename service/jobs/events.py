@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
+from urllib.parse import urlsplit
 from uuid import uuid4
 
 from sqlalchemy import (
     Connection,
     Float,
     Insert,
-    Select,
     String,
-    and_,
     bindparam,
     func,
     insert,
@@ -34,26 +33,20 @@ def record_end(connection: Connection, job_id: str) -> None:
     The clouds are not fetched again, so nothing needs the secrets that their URLs may hold.
     """
     record_change(connection, job_id)
-    has_callback = and_(jobs.c.id == job_id, jobs.c.callback_url.is_not(None))
-    plan_delivery(connection, select(jobs.c.id).where(has_callback))
+    plan_delivery(connection, job_id)
     _redact_urls(connection, job_id)
 
 
-def plan_delivery(connection: Connection, query: Select[tuple[str]]) -> str | None:
-    """Plan a call to the callback of the job whose id the query finds, due now.
-
-    Returns
-    -------
-    str or None
-        Id of the delivery; None when the query finds no job.
-    """
-    job_id = connection.scalar(query)
-    if job_id is None:
-        return None
-    delivery_id, now = str(uuid4()), time.time()
-    row = {"id": delivery_id, "job_id": job_id, "status": "pending", "tries": []}
-    connection.execute(insert(deliveries).values(**row, created_at=now, next_at=now))
-    return delivery_id
+def plan_delivery(connection: Connection, job_id: str) -> None:
+    """Plan a call to the callback of the job, if it has one, due now."""
+    query = select(jobs.c.tenant, jobs.c.callback_url).where(jobs.c.id == job_id)
+    job = connection.execute(query).one()
+    if job.callback_url is None:
+        return
+    now = time.time()
+    row = {"id": str(uuid4()), "job_id": job_id, "status": "pending", "tries": []}
+    place = {"tenant": job.tenant, "host": urlsplit(job.callback_url).netloc}
+    connection.execute(insert(deliveries).values(**row, **place, created_at=now, next_at=now))
 
 
 def _insert_event() -> Insert:

@@ -6,15 +6,20 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Row, and_, select, update
+from sqlalchemy import Row, and_, func, select, update
 
 from service.database.engine import Database
 from service.database.tables import deliveries, jobs
+from service.jobs.claim_order import record_turn
 from service.jobs.events import plan_delivery
 from service.jobs.model import TERMINAL_STATUSES, DeliveryStatus
+from service.problems import QuotaExceededError
+from service.webhooks.send_order import QUEUE, find_next
 
 SENDING_TIMEOUT_S = 60.0
 """Seconds after which an unfinished attempt is repeated: its process must have been killed."""
+MAX_MESSAGES = 20
+"""Messages of one registration, replays included."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +28,9 @@ class DeliveryRow:
 
     id: str
     job_id: str
+    tenant: str
+    host: str
+    """Host and port of the callback."""
     status: DeliveryStatus
     created_at: float
     next_at: float | None
@@ -43,33 +51,53 @@ class Outbox:
             rows = connection.execute(query.order_by(deliveries.c.created_at))
             return [_delivery(row) for row in rows]
 
-    def replay(self, job_id: str) -> str | None:
-        """Plan another delivery; None when the job has not ended or has no callback."""
-        ended = and_(jobs.c.status.in_(TERMINAL_STATUSES), jobs.c.callback_url.is_not(None))
-        with self._database.write() as connection:
-            return plan_delivery(connection, select(jobs.c.id).where(jobs.c.id == job_id, ended))
+    def replay(self, job_id: str) -> bool:
+        """Send the message of a job again: now, if it waits for its next attempt, else once more.
 
-    def claim(self) -> DeliveryRow | None:
-        """Take the delivery that has been due longest; None when none is due."""
-        now = time.time()
-        unfinished = deliveries.c.status.in_(("pending", "sending"))
-        due = and_(unfinished, deliveries.c.next_at <= now)
-        first = (
-            select(deliveries.c.id)
-            .where(due)
-            .order_by(deliveries.c.next_at)
-            .limit(1)
-            .with_for_update(skip_locked=True)
-            .scalar_subquery()
-        )
-        take = update(deliveries).where(deliveries.c.id == first, due)
-        take = take.values(status="sending", next_at=now + SENDING_TIMEOUT_S)
+        Returns False when the job has not ended or has no callback.
+
+        Raises
+        ------
+        QuotaExceededError
+            The job has MAX_MESSAGES already.
+        """
+        of_job = deliveries.c.job_id == job_id
+        waits = and_(of_job, deliveries.c.status == "pending")
+        ended = and_(jobs.c.status.in_(TERMINAL_STATUSES), jobs.c.callback_url.is_not(None))
+        with self._database.write(exclusive=True) as connection:
+            if connection.scalar(select(jobs.c.id).where(jobs.c.id == job_id, ended)) is None:
+                return False
+            soon = update(deliveries).where(waits).values(next_at=time.time())
+            if not connection.execute(soon).rowcount:
+                _check_messages(connection.scalar(select(func.count()).where(of_job)) or 0)
+                plan_delivery(connection, job_id)
+        return True
+
+    def claim(self, free: int) -> DeliveryRow | None:
+        """Take the next delivery, in the order of `service.webhooks.send_order`.
+
+        Parameters
+        ----------
+        free
+            Senders without a call, the one that asks included.
+
+        Returns
+        -------
+        DeliveryRow or None
+            None when no delivery may be sent now.
+        """
         with self._database.read() as connection:
-            if connection.execute(select(deliveries.c.id).where(due).limit(1)).first() is None:
+            if find_next(connection, free) is None:
                 return None
-        with self._database.write() as connection:
-            row = connection.execute(take.returning(deliveries)).one_or_none()
-        return None if row is None else _delivery(row)
+        with self._database.write(exclusive=True) as connection:
+            row = find_next(connection, free)
+            if row is None:
+                return None
+            values = {"status": "sending", "next_at": time.time() + SENDING_TIMEOUT_S}
+            take = update(deliveries).where(deliveries.c.id == row.id).values(**values)
+            taken = connection.execute(take.returning(deliveries)).one()
+            record_turn(connection, taken.tenant, QUEUE)
+        return _delivery(taken)
 
     def record_attempt(
         self,
@@ -92,6 +120,15 @@ class Outbox:
         )
         with self._database.write() as connection:
             connection.execute(interrupted.values(status="pending", next_at=time.time()))
+
+
+def _check_messages(messages: int) -> None:
+    if messages >= MAX_MESSAGES:
+        raise QuotaExceededError(
+            f"The registration has {messages} messages (limit {MAX_MESSAGES}); no further one is "
+            "sent.",
+            members={"limit": "messages", "used": messages, "allowed": MAX_MESSAGES},
+        )
 
 
 def _delivery(row: Row[Any]) -> DeliveryRow:

@@ -27,7 +27,7 @@ from service.schemas.serialize_job import summarize_job
 from service.settings import Settings
 from service.webhooks.outbox import DeliveryRow, Outbox
 
-THREADS = 4
+THREADS = 8
 POLL_INTERVAL_S = 0.5
 LIMITS = TransferLimits(total_s=10, read_timeout_s=10)
 MAX_BACKOFF_S = 3600.0
@@ -69,6 +69,8 @@ class WebhookSender:
         self._settings = settings.webhook
         self._client = OutboundClient(callback_policy(settings))
         self._stopping = threading.Event()
+        self._free = THREADS
+        self._lock = threading.Lock()
         self._threads = [
             threading.Thread(target=self._run, name=f"webhooks-{i}", daemon=True)
             for i in range(THREADS)
@@ -88,14 +90,27 @@ class WebhookSender:
     def _run(self) -> None:
         while not self._stopping.is_set():
             try:
-                delivery = self._outbox.claim()
+                delivery = self._claim()
                 if delivery is None:
                     self._stopping.wait(POLL_INTERVAL_S)
-                else:
+                    continue
+                try:
                     self._send(delivery)
+                finally:
+                    self._count_free(+1)
             except Exception:
                 log.exception("unexpected error in a webhook thread; it continues")
                 self._stopping.wait(POLL_INTERVAL_S)
+
+    def _claim(self) -> DeliveryRow | None:
+        with self._lock:  # for the number of free threads
+            delivery = self._outbox.claim(self._free)
+            self._free -= delivery is not None
+        return delivery
+
+    def _count_free(self, change: int) -> None:
+        with self._lock:
+            self._free += change
 
     def _send(self, delivery: DeliveryRow) -> None:
         job = self._jobs.get_unscoped(delivery.job_id)

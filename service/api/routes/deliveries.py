@@ -28,7 +28,7 @@ def list_deliveries(job: RequestedJob, runtime: CurrentRuntime) -> DeliveryList:
     status_code=202,
 )
 def replay(job: RequestedJob, runtime: CurrentRuntime) -> DeliveryList:
-    """Schedule a new message, due now, and return all messages."""
-    if runtime.outbox.replay(job.id) is None:
+    """Send a new message, or the one that waits for its next attempt now; return all messages."""
+    if not runtime.outbox.replay(job.id):
         raise NoDeliveryError("The registration has not ended, or it has no callback_url.")
     return list_deliveries(job, runtime)

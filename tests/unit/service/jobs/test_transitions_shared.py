@@ -86,14 +86,14 @@ def test_what_a_killed_sender_had_begun_is_sent_again(
     add(stores[0], callback_url="http://there/hook")
     stores[0].fail(claim(stores[0]), {"detail": "x"}, {})
     first, second = (Outbox(database) for database in databases)
-    assert first.claim() is not None
-    assert second.claim() is None
+    assert first.claim(8) is not None
+    assert second.claim(8) is None
     monkeypatch.setattr(deliveries, "SENDING_TIMEOUT_S", -deliveries.SENDING_TIMEOUT_S)
     add(stores[0], callback_url="http://there/hook")
     stores[0].fail(claim(stores[0]), {"detail": "x"}, {})
-    slow = first.claim()
+    slow = first.claim(8)
     assert slow is not None
-    again = second.claim()
+    again = second.claim(8)
     assert again is not None
     assert again.id == slow.id
     first.record_attempt(slow, {"at": 1.0}, "failed", None)  # it came too late
