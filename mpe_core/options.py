@@ -100,6 +100,11 @@ class RegistrationOptions:
     target_viewpoint: Vector | None = None
     """Position of the scanner in the target's frame."""
 
+    keep_no_data: bool = False
+    """Whether rows that look like no measurement are kept: (0, 0, 0) three times or more, values
+    far from all others like -9999, beams without echo at the largest range, and all but one of many
+    copies of a point. By default they are left out, and a warning tells their number."""
+
     max_iterations: int = 100
     """Largest number of iterations of each stage."""
 
@@ -119,8 +124,11 @@ class RegistrationOptions:
         _check_positive("overlap", self.overlap, maximum=1)
         _check_positive("inlier_threshold", self.inlier_threshold)
         _check_positive("voxel_size", self.voxel_size)
-        if not isinstance(self.yaw_only, bool):
-            raise InvalidOptionsError(f"yaw_only must be true or false, got {self.yaw_only!r}")
+        for name in ("yaw_only", "keep_no_data"):
+            if not isinstance(getattr(self, name), bool):
+                raise InvalidOptionsError(
+                    f"{name} must be true or false, got {getattr(self, name)!r}"
+                )
         for kind in ("gravity", "viewpoint"):
             self._check_vectors(f"source_{kind}", f"target_{kind}")
         for name in ("source_gravity", "target_gravity"):

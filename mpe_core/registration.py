@@ -35,8 +35,9 @@ def register(
 ) -> Registration:
     """Find the rigid pose that lays the source on the target.
 
-    The input is never changed, and rows with NaN or infinity are ignored. The same input, options
-    and seed give the same bits, on any number of threads.
+    The input is never changed. Rows with NaN or infinity are ignored, and those that stand for no
+    point: (0, 0, 0) or -9999 without a measurement, echoes at the largest range, copies. The same
+    input, options and seed give the same bits, on any number of threads.
 
     Parameters
     ----------
@@ -85,8 +86,20 @@ def register(
     options, progress = options or RegistrationOptions(), Progress(on_progress)
     with progress.stage("prepare") as report:
         pair = normalize_pair(
-            validate_cloud(source, "source", source_weights),
-            validate_cloud(target, "target", target_weights),
+            validate_cloud(
+                source,
+                "source",
+                source_weights,
+                keep_no_data=options.keep_no_data,
+                viewpoint=options.source_viewpoint,
+            ),
+            validate_cloud(
+                target,
+                "target",
+                target_weights,
+                keep_no_data=options.keep_no_data,
+                viewpoint=options.target_viewpoint,
+            ),
         )
         report(0.3)
         clouds = prepare_clouds(pair, options)

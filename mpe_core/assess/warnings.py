@@ -9,9 +9,18 @@ from mpe_core.assess.confidence import (
     MAX_LAYER_CONFLICT,
     Evidence,
 )
+from mpe_core.clouds.no_data import Kind
 from mpe_core.clouds.normalize import CloudPair
 from mpe_core.clouds.unit_check import describe_unit_mismatch
 from mpe_core.result import Registration
+
+NO_DATA_TEXTS: dict[Kind, str] = {
+    "zeros": "they are (0, 0, 0), which stands for no measurement",
+    "far": "they lie far from all others, like -9999 and other values for no measurement",
+    "copies": "they repeat one point many times, as values for no measurement do",
+    "shell": "they lie on a sphere around the scanner, as beams without echo at the largest range",
+}
+"""What rows of each kind are."""
 
 
 def describe_warnings(pair: CloudPair, evidence: Evidence, result: Registration) -> tuple[str, ...]:
@@ -39,6 +48,11 @@ def _about_clouds(pair: CloudPair) -> Iterator[str]:
     for name, cloud in (("source", pair.source_cloud), ("target", pair.target_cloud)):
         if cloud.dropped_rows:
             yield f"{cloud.dropped_rows} rows of the {name} were ignored: they hold NaN or infinity"
+        for left_out in cloud.no_data:
+            yield (
+                f"{left_out.count} rows of the {name} were left out:"
+                f" {NO_DATA_TEXTS[left_out.kind]}; set keep_no_data to keep them"
+            )
 
 
 def _about_convergence(result: Registration) -> Iterator[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpe_core.clouds.no_data import NoData, find_no_data
 from mpe_core.errors import (
     CloudShapeError,
     CoordinateRangeError,
@@ -40,6 +41,8 @@ class Cloud:
     """Bounds and mean of the points."""
     weights: Array | None = None
     """(N,) the caller's weights K_i, at least 3 of them above 0."""
+    no_data: tuple[NoData, ...] = ()
+    """Rows that were left out because they stand for no point."""
 
     def original_index(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the caller's array, for rows of `points`."""
@@ -67,7 +70,12 @@ class Cloud:
 
 
 def validate_cloud(
-    cloud: ArrayLike, name: str = "cloud", weights: ArrayLike | None = None
+    cloud: ArrayLike,
+    name: str = "cloud",
+    weights: ArrayLike | None = None,
+    *,
+    keep_no_data: bool = True,
+    viewpoint: tuple[float, ...] | None = None,
 ) -> Cloud:
     """Check a cloud, and drop its rows with NaN or infinity in a coordinate or weight.
 
@@ -79,6 +87,10 @@ def validate_cloud(
         What error messages call it.
     weights
         (N,) weights of 0 or more.
+    keep_no_data
+        Whether rows that stand for no point are kept.
+    viewpoint
+        (3,) position of the scanner, if it is known.
 
     Raises
     ------
@@ -101,13 +113,21 @@ def validate_cloud(
         is_finite = np.isfinite(array).all(axis=1)
         rows = np.flatnonzero(is_finite if K is None else is_finite & np.isfinite(K))
         points, K = points[rows], None if K is None else K[rows]
+    dropped = len(array) - len(points)
+    no_data: tuple[NoData, ...] = ()
+    if not keep_no_data:
+        left_out, no_data = find_no_data(points, None if viewpoint is None else np.array(viewpoint))
+        if no_data:
+            kept = np.flatnonzero(~left_out)
+            rows, points = kept if rows is None else rows[kept], points[kept]
+            K = None if K is None else K[kept]
     if len(points) < 3:
         raise TooFewPointsError(
             f"{name} needs at least 3 finite points, got {len(points)} of {len(array)} rows"
         )
     if rows is not None:
         bounds = measure_extent(points)
-    valid = Cloud(points, rows, len(array) - len(points), bounds, K)
+    valid = Cloud(points, rows, dropped, bounds, K, no_data)
     _check_range(valid, name)
     _check_thickness(points, bounds, name)
     if K is not None:
