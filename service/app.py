@@ -9,6 +9,7 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from service.api.error_handlers import register_error_handlers
+from service.api.middleware.conditional import ConditionalMiddleware
 from service.api.middleware.cors import CORS_OPTIONS
 from service.api.middleware.drain_body import DrainBodyMiddleware
 from service.api.middleware.head import HeadMiddleware
@@ -68,6 +69,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redirect_slashes=False,  # a redirect would repeat a Host that was not checked
     )
     app.add_middleware(DrainBodyMiddleware)
+    app.add_middleware(ConditionalMiddleware)
     app.add_middleware(HeadMiddleware)
     if settings.cors_origins:
         app.add_middleware(CORSMiddleware, allow_origins=settings.cors_origins, **CORS_OPTIONS)

@@ -204,7 +204,7 @@ class ExpiredError(ServiceError):
 class OverloadedError(ServiceError):
     """Too little disk or memory is left to accept more."""
 
-    problem = ProblemType(503, "overloaded", "The service is short of disk or memory")
+    problem = ProblemType(503, "overloaded", "The service is short of disk, memory or files")
     retry_after_s = 30
 
 
@@ -216,6 +216,16 @@ class DiskFullError(ServiceError):
 
     def __init__(self) -> None:
         super().__init__("The disk of the service is full; nothing was stored. Retry later.")
+
+
+class NoDescriptorError(ServiceError):
+    """The process has as many files and connections open as it may."""
+
+    problem = OverloadedError.problem
+    retry_after_s = 5
+
+    def __init__(self) -> None:
+        super().__init__("The service has too many files open; retry later.")
 
 
 class DeadlineError(ServiceError):
@@ -274,16 +284,27 @@ def problem_type(error: BaseException) -> ProblemType:
         return error.problem
     if is_disk_full(error):
         return DiskFullError.problem
+    if is_out_of_descriptors(error):
+        return NoDescriptorError.problem
     for ancestor in type(error).__mro__:
         if ancestor in FOREIGN_PROBLEMS:
             return FOREIGN_PROBLEMS[ancestor]
     return INTERNAL
 
 
+def is_out_of_descriptors(error: BaseException | None) -> bool:
+    """Return whether the error, or one that it came from, is that no further file can be opened."""
+    return _has_errno(error, {errno.EMFILE, errno.ENFILE})
+
+
 def is_disk_full(error: BaseException | None) -> bool:
     """Return whether the error, or one that it came from, is that of a full disk or quota."""
+    return _has_errno(error, {errno.ENOSPC, errno.EDQUOT})
+
+
+def _has_errno(error: BaseException | None, numbers: set[int]) -> bool:
     while error is not None:
-        if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        if isinstance(error, OSError) and error.errno in numbers:
             return True
         error = error.__cause__ or error.__context__
     return False

@@ -43,6 +43,9 @@ from service.workers.exporter import Exporter
 from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
 
+DEADLINE_INTERVAL_S = 0.5
+"""Interval of the looks for waiting registrations whose deadline has passed."""
+
 log = logging.getLogger(__name__)
 
 
@@ -156,6 +159,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
         stack.callback(stop_forkserver)
         for part in (
             runtime.workers,
+            Maintenance([transitions.fail_overdue], DEADLINE_INTERVAL_S),
             Maintenance(_maintenance_tasks(runtime), settings.maintenance_interval_s),
             WebhookSender(jobs, runtime.outbox, settings),
         ):
@@ -182,7 +186,6 @@ def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
         lambda: discard_scratch(settings.data_dir),
         runtime.uploads.drop_expired,
         lambda: runtime.transitions.expire_leases(runtime.workers.held_jobs()),
-        runtime.transitions.fail_overdue,
         lambda: drop_expired(database),
         collect_blobs,
         lambda: decoded.collect(find_cloud_blobs(database)),

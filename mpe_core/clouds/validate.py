@@ -16,7 +16,7 @@ from mpe_core.errors import (
     TooFewPointsError,
 )
 from mpe_core.geometry.bounds import Extent, centered, measure_extent, scatter_matrix
-from mpe_core.geometry.validation import MAX_COORDINATE
+from mpe_core.geometry.validation import MAX_COORDINATE, MIN_EXTENT
 
 Array = NDArray[np.float64]
 
@@ -188,7 +188,7 @@ def _check_range(cloud: Cloud, name: str) -> None:
 def _check_thickness(points: Array, bounds: Extent, name: str) -> None:
     length = bounds.max_offset
     rounding = 8 * np.finfo(np.float64).eps * bounds.max_coordinate
-    if length <= rounding:
+    if length <= max(rounding, MIN_EXTENT):
         raise DegenerateCloudError(
             f"all points of {name} lie in one place: a rotation cannot be determined"
         )

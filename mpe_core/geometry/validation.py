@@ -13,6 +13,9 @@ Array = NDArray[np.float64]
 MAX_COORDINATE = 1e15
 """Largest absolute coordinate: beyond it float64 steps are larger than an eighth of the unit."""
 
+MIN_EXTENT = 1e-150
+"""Smallest distance of a point from the centre of its cloud: squares of smaller ones vanish."""
+
 ORTHONORMALITY_TOL = 1e-6
 """Largest absolute entry of R^T R - 1 of a rotation."""
 

@@ -9,34 +9,112 @@ from pathlib import Path
 import psutil
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
+from starlette.types import Message
 
 from mpe_core.machine import memory_left
 from service.auth.authenticator import Caller
 from service.jobs.accept import check_queue_limit, check_tenant_queue_limit
+from service.jobs.usage import ROW_BYTES
 from service.problems import NotReadyError, OverloadedError, QuotaExceededError
 from service.runtime import Runtime
+
+AHEAD_BYTES = 1 << 20
+"""Bytes that are reserved beyond those received of a body without Content-Length, if they fit."""
+
+
+class BodyReservation:
+    """Quota and disk for the body of one request, and for a row.
+
+    Parameters
+    ----------
+    runtime : Runtime
+        Parts of the service.
+    caller : Caller
+        Who sends the body.
+    """
+
+    def __init__(self, runtime: Runtime, caller: Caller) -> None:
+        self._runtime = runtime
+        self._caller = caller
+        self._size: int | None = None
+        self._received = 0
+
+    def begin(self, size: int) -> None:
+        """Reserve what is announced, as `reserve_bytes` does."""
+        _reserve(self._runtime, self._caller, size)
+        self._size = size
+
+    def release(self) -> None:
+        """Give back what is reserved."""
+        if self._size is not None:
+            _release(self._runtime, self._caller, self._size)
+
+    async def count(self, received: int) -> None:
+        """Count bytes that have arrived, and reserve more where they were not announced.
+
+        Raises
+        ------
+        OverloadedError, QuotaExceededError
+            There is no room for what has arrived.
+        """
+        assert self._size is not None  # noqa: S101
+        self._received += received
+        if self._received > self._size:
+            await run_in_threadpool(self._grow)
+
+    def _grow(self) -> None:
+        try:
+            self._grow_to(self._received + AHEAD_BYTES)
+        except (OverloadedError, QuotaExceededError):
+            self._grow_to(self._received)
+
+    def _grow_to(self, size: int) -> None:
+        assert self._size is not None  # noqa: S101
+        _reserve_on_disk(self._runtime, size - self._size)
+        try:
+            self._runtime.storage_quota.reserve(self._caller, size - self._size)
+        except QuotaExceededError:
+            self._runtime.disk.release(size - self._size)
+            raise
+        self._size = size
 
 
 @asynccontextmanager
 async def reserve_body_bytes(
     request: Request, runtime: Runtime, caller: Caller
-) -> AsyncIterator[None]:
-    """Reserve the size of the request's body, as `reserve_bytes` does.
+) -> AsyncIterator[Request]:
+    """Reserve the size of the request's body and a row while the context lasts.
 
-    A body without Content-Length counts as the longest that is allowed.
+    Yields
+    ------
+    Request
+        The request to read the body from: where its length is not announced, it is reserved as it
+        arrives.
+
+    Raises
+    ------
+    NotReadyError, QueueFullError, OverloadedError, QuotaExceededError
+        As `reserve_bytes`.
     """
-    max_bytes = runtime.settings.max_body_bytes
-    size = min(max_bytes, int(request.headers.get("content-length", max_bytes)))
-    await run_in_threadpool(_reserve, runtime, caller, size)
+    reservation = BodyReservation(runtime, caller)
+    announced = int(request.headers.get("content-length", 0))
+
+    async def receive() -> Message:
+        message = await request.receive()
+        if message["type"] == "http.request":
+            await reservation.count(len(message.get("body", b"")))
+        return message
+
     try:
-        yield
+        await run_in_threadpool(reservation.begin, min(runtime.settings.max_body_bytes, announced))
+        yield Request(request.scope, receive)
     finally:
-        _release(runtime, caller, size)
+        reservation.release()
 
 
 @contextmanager
 def reserve_bytes(runtime: Runtime, caller: Caller, size: int) -> Iterator[None]:
-    """Check the capacity, and reserve bytes of quota and disk while the context lasts.
+    """Check the capacity, and reserve quota and disk for bytes and a row while the context lasts.
 
     Raises
     ------
@@ -77,14 +155,14 @@ def _reserve(runtime: Runtime, caller: Caller, size: int) -> None:
     check_capacity(runtime, caller)
     _reserve_on_disk(runtime, size)
     try:
-        runtime.storage_quota.reserve(caller, size)
+        runtime.storage_quota.reserve(caller, size + ROW_BYTES)
     except QuotaExceededError:
         runtime.disk.release(size)
         raise
 
 
 def _release(runtime: Runtime, caller: Caller, size: int) -> None:
-    runtime.storage_quota.release(caller, size)
+    runtime.storage_quota.release(caller, size + ROW_BYTES)
     runtime.disk.release(size)
 
 

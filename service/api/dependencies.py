@@ -136,16 +136,16 @@ IdempotencyKey = Annotated[str | None, Depends(_idempotency_key)]
 async def _submission(
     request: Request, runtime: CurrentRuntime, caller: CurrentCaller, _key: IdempotencyKey
 ) -> Submission:
-    async with reserve_body_bytes(request, runtime, caller):
-        return await read_submission(request, runtime, caller.tenant)
+    async with reserve_body_bytes(request, runtime, caller) as counted:
+        return await read_submission(counted, runtime, caller.tenant)
 
 
 NewSubmission = Annotated[Submission, Depends(_submission)]
 
 
 async def _raw_body(request: Request, runtime: CurrentRuntime, caller: CurrentCaller) -> Blob:
-    async with reserve_body_bytes(request, runtime, caller):
-        return await store_body(request, runtime.blobs, runtime.settings.max_body_bytes)
+    async with reserve_body_bytes(request, runtime, caller) as counted:
+        return await store_body(counted, runtime.blobs, runtime.settings.max_body_bytes)
 
 
 RawBody = Annotated[Blob, Depends(_raw_body)]

@@ -21,11 +21,14 @@ from service.problems import (
     TYPE_PREFIX,
     DiskFullError,
     InvalidRequestError,
+    NoDescriptorError,
     ProblemType,
     ServiceError,
+    is_out_of_descriptors,
     problem_document,
     problem_type,
 )
+from service.telemetry.json_logs import mark_logged
 from service.telemetry.metrics import Metrics
 
 log = logging.getLogger(__name__)
@@ -106,6 +109,8 @@ def _render_foreseen(request: Request, error: Exception) -> ProblemResponse:
         return _render_unexpected(request, error)
     if kind is DiskFullError.problem:
         error = DiskFullError()  # the text of another error may hold a path
+    if not isinstance(error, ServiceError) and is_out_of_descriptors(error):
+        error = NoDescriptorError()
     if isinstance(error, ServiceError):
         return _respond(kind, str(error), error.headers, **error.members)
     return _respond(kind, str(error))
@@ -129,6 +134,7 @@ def _render_http_exception(request: Request, error: Exception) -> ProblemRespons
 
 def _render_unexpected(request: Request, error: Exception) -> ProblemResponse:
     log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+    mark_logged(error)
     response = _respond(INTERNAL, "The service logged an unexpected error; retry the request.")
     # Starlette answers unexpected errors outside of the middleware
     add_security_headers(response.headers, request.scope)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
+import shutil
 import tempfile
 import zipfile
 import zlib
@@ -49,7 +51,8 @@ def expand_archive(path: Path, limits: ReadLimits) -> Iterator[Path]:
     Raises
     ------
     CloudFileError
-        The archive is damaged, expands too far, or does not hold exactly one file.
+        The archive is damaged, expands too far, or does not hold exactly one file. Its context is
+        an OSError with ENOSPC where too little of the disk would be left.
     """
     with path.open("rb") as file, tempfile.TemporaryDirectory(prefix="unwrapped-") as folder:
         inner = Path(folder) / "cloud"
@@ -57,10 +60,10 @@ def expand_archive(path: Path, limits: ReadLimits) -> Iterator[Path]:
         try:
             if file.read(2) == GZIP_MAGIC:
                 with gzip.open(path) as content:
-                    _expand(content, inner, allowed)
+                    _expand(content, inner, allowed, limits)
             else:
                 with zipfile.ZipFile(path) as archive, archive.open(_only_file(archive)) as content:
-                    _expand(content, inner, allowed)
+                    _expand(content, inner, allowed, limits)
         except CloudFileError:
             raise
         except _ERRORS as error:
@@ -95,7 +98,9 @@ def _is_clutter(info: zipfile.ZipInfo) -> bool:
     return "__MACOSX" in parts or parts[-1].startswith("._") or parts[-1] in _CLUTTER
 
 
-def _expand(content: IO[bytes] | gzip.GzipFile, target: Path, allowed: int) -> None:
+def _expand(
+    content: IO[bytes] | gzip.GzipFile, target: Path, allowed: int, limits: ReadLimits
+) -> None:
     written = 0
     with target.open("wb") as file:
         while block := content.read(_BLOCK_BYTES):
@@ -104,4 +109,6 @@ def _expand(content: IO[bytes] | gzip.GzipFile, target: Path, allowed: int) -> N
                 raise FileLimitError(
                     f"the archive expands to more than {allowed} bytes; send the file uncompressed"
                 )
+            if shutil.disk_usage(target.parent).free - len(block) < limits.min_free_disk_bytes:
+                raise OSError(errno.ENOSPC, "too little of the disk would be left")
             file.write(block)

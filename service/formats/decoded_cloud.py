@@ -46,6 +46,8 @@ class ReadLimits:
     """Properties of a PLY element, fields of a PCD file."""
     max_expansion: int = 100
     """Ratio of expanded to compressed bytes; real clouds stay below 20."""
+    min_free_disk_bytes: int = 0
+    """Bytes of the disk that an expansion leaves free."""
 
 
 def check_count(count: int, row_bytes: int, available: int, at: str, limits: ReadLimits) -> None:

@@ -180,7 +180,7 @@ def _read_array(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> ND
         )
     if dtype.itemsize == 0 or dtype.subdtype is not None:
         raise MalformedFileError(f"{name} has elements of type {str(dtype)[:40]}; expected numbers")
-    if any(length < 0 for length in shape):
+    if any(type(length) is not int or length < 0 for length in shape):  # True is no length
         raise MalformedFileError(f"{name} has the invalid shape {shape}")
     count = prod(shape)
     at = f"{name} of shape {shape}"
@@ -206,6 +206,11 @@ def _to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
                 "expected one dimension and the fields x, y, z"
             )
         records = cast("NDArray[np.void]", array)
+        for i in xyz + (normals or ()):
+            if (shape := records[names[i]].shape[1:]) != ():
+                raise MalformedFileError(
+                    f"the field {names[i]} holds values of shape {shape}; expected one number"
+                )
         table = np.stack([_floats(records[names[i]]) for i in xyz + (normals or ())], axis=1)
         return DecodedCloud(table[:, :3], format, (), table[:, 3:] if normals else None)
     if array.ndim == 3 and array.shape[2] == 3:

@@ -24,6 +24,9 @@ class ContextFilter(logging.Filter):
         return True
 
 
+_LOGGED = "the service has logged this error"
+
+
 @contextmanager
 def job_context(identifier: str) -> Iterator[None]:
     """Log everything within the context with this job_id."""
@@ -34,13 +37,27 @@ def job_context(identifier: str) -> Iterator[None]:
         job_id.reset(token)
 
 
+def mark_logged(error: Exception) -> None:
+    """Let the server, which Starlette hands the error on to, not log it again."""
+    error.add_note(_LOGGED)
+
+
+class UnloggedFilter(logging.Filter):
+    """Drops records of exceptions that `mark_logged` has marked."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Tell whether the record's exception is new, or it has none."""
+        error = record.exc_info[1] if record.exc_info else None
+        return _LOGGED not in getattr(error, "__notes__", ())
+
+
 def configure_logs(level: str) -> None:
     """Send all logs of this level and above to stderr; the service writes its own access log."""
     logging.config.dictConfig(
         {
             "version": 1,
             "disable_existing_loggers": False,
-            "filters": {"context": {"()": ContextFilter}},
+            "filters": {"context": {"()": ContextFilter}, "unlogged": {"()": UnloggedFilter}},
             "formatters": {
                 "json": {
                     "()": "pythonjsonlogger.json.JsonFormatter",
@@ -59,6 +76,7 @@ def configure_logs(level: str) -> None:
             "root": {"level": level, "handlers": ["stderr"]},
             "loggers": {
                 "uvicorn.access": {"level": "WARNING"},
+                "uvicorn.error": {"filters": ["unlogged"]},
                 "alembic.runtime.migration": {"level": "WARNING"},
                 # their DEBUG messages hold URLs, headers and bodies
                 "httpcore": {"level": "WARNING"},

@@ -54,7 +54,8 @@ class ExportAligned(Task):
         return Exported()
 
     def _decode(self, cloud: CloudInput) -> DecodedCloud:
-        return read_points(self._path(cloud), **cloud.reading, attributes=True)
+        limits = self.environment.read_limits
+        return read_points(self._path(cloud), limits, **cloud.reading, attributes=True)
 
     def _path(self, cloud: CloudInput) -> Path:
         assert cloud.sha256 is not None  # noqa: S101

@@ -17,6 +17,7 @@ class Maintenance:
     def __init__(self, tasks: Sequence[MaintenanceTask], interval_s: float) -> None:
         self._tasks = tasks
         self._interval_s = interval_s
+        self._failing: set[MaintenanceTask] = set()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="maintenance", daemon=True)
 
@@ -30,12 +31,16 @@ class Maintenance:
         self._thread.join()
 
     def run_once(self) -> None:
-        """Call every task; log one that fails and go on with the next."""
+        """Call every task; log one that begins to fail and go on with the next."""
         for task in self._tasks:
             try:
                 task()
             except Exception:
-                log.exception("a maintenance task failed; it is called again at its next turn")
+                if task not in self._failing:
+                    log.exception("a maintenance task failed; it is called again at its next turn")
+                self._failing.add(task)
+            else:
+                self._failing.discard(task)
 
     def _run(self) -> None:
         while not self._stopping.wait(self._interval_s):

@@ -83,11 +83,14 @@ class RegisterClouds(Task):
 
     def _decode(self, role: str, cloud: CloudInput) -> DecodedCloud:
         path, scratch = self._path(cloud), self.environment.scratch
+        limits = self.environment.read_limits
         try:
             if is_cached_decoded(cloud):
-                decoded = load_or_decode(self._entry(cloud), lambda: read_points(path), scratch)
+                decoded = load_or_decode(
+                    self._entry(cloud), lambda: read_points(path, limits), scratch
+                )
             else:
-                decoded = read_points(path, **cloud.reading)
+                decoded = read_points(path, limits, **cloud.reading)
         except CloudFileError as error:
             raise type(error)(f"{role}: {error}") from error
         return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))

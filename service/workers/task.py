@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Self
 
+from service.formats import ReadLimits
 from service.settings import Settings
 from service.workers.messages import Answer
 from service.workers.progress import ProgressReport
@@ -18,6 +19,10 @@ from service.workers.sandbox.limits import ResourceLimits
 
 CPU_SLACK_S = 10
 """CPU seconds beyond the time limit, so that the wall clock ends a task first."""
+
+
+FREE_DISK_FACTOR = 2
+"""Tasks leave so many times MPE_MIN_FREE_DISK_BYTES free, so that the API accepts meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +36,15 @@ class TaskEnvironment:
     """The only folder that a task writes to; the parent removes it."""
     threads: int
     limits: ResourceLimits
+    min_free_disk_bytes: int
+    """Bytes of the disk that the task leaves free."""
     requires_sandbox: bool
     """Whether the task must not run where a part of the sandbox is missing."""
+
+    @property
+    def read_limits(self) -> ReadLimits:
+        """Bounds of what the task decodes."""
+        return ReadLimits(min_free_disk_bytes=self.min_free_disk_bytes)
 
     @classmethod
     def create(cls, *, job_id: str, tenant: str, scratch: Path, settings: Settings) -> Self:
@@ -45,6 +57,7 @@ class TaskEnvironment:
             scratch=scratch,
             threads=settings.threads,
             limits=ResourceLimits(memory_bytes=settings.job_memory_bytes, cpu_s=cpu_s),
+            min_free_disk_bytes=FREE_DISK_FACTOR * settings.min_free_disk_bytes,
             requires_sandbox=settings.require_sandbox,
         )
 

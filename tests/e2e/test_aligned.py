@@ -103,3 +103,13 @@ def test_what_cannot_be_fetched(server: Server) -> None:
     assert server.client.get(f"/v1/registrations/{failed}/aligned").status_code == 409
     job, _ = registered(server, ply(), target())
     assert server.client.get(f"/v1/registrations/{job}/aligned?format=doc").status_code == 422
+
+
+def test_a_known_file_is_not_sent_again(server: Server) -> None:
+    job, _ = registered(server, ply(), target())
+    url = f"/v1/registrations/{job}/aligned"
+    tag = server.client.get(url).headers["ETag"]
+    again = server.client.get(url, headers={"If-None-Match": tag})
+    assert (again.status_code, again.content) == (304, b"")
+    other = server.client.get(f"{url}?format=npy", headers={"If-None-Match": tag})
+    assert other.status_code == 200

@@ -9,6 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
+from service.jobs.usage import ROW_BYTES
 from tests.factories.scans import arms, as_npy
 from tests.factories.server import Server, registered, running_server, submit
 from tests.factories.slow import SLOW, slow_pair
@@ -16,6 +17,7 @@ from tests.factories.tenants import caller, new_key
 from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
+ONE_CLOUD = len(CLOUD) + ROW_BYTES
 TUS = {"Tus-Resumable": "1.0.0"}
 
 
@@ -97,21 +99,21 @@ def test_what_is_stored_is_counted_once_and_given_back(server: Server) -> None:
         assert stored(tidy) == 0
         for name in ("a", "b"):
             tidy.put(f"/v1/clouds/{name}", content=CLOUD).raise_for_status()
-        until(lambda: stored(tidy) == len(CLOUD))
+        until(lambda: stored(tidy) == len(CLOUD) + 2 * ROW_BYTES)
         twin.put("/v1/clouds/a", content=CLOUD).raise_for_status()
-        until(lambda: stored(twin) == len(CLOUD))  # that it is there already is nobody's business
+        until(lambda: stored(twin) == ONE_CLOUD)  # that it is there already is nobody's business
         job = registered(tidy, CLOUD, other)
         pairs = tidy.get(f"/v1/registrations/{job['id']}/inliers?format=npy").content
         until(lambda: stored(tidy) > len(CLOUD) + len(other) + len(pairs))
         tidy.delete(f"/v1/registrations/{job['id']}")
-        until(lambda: stored(tidy) == len(CLOUD))
+        until(lambda: stored(tidy) == len(CLOUD) + 2 * ROW_BYTES)
         tidy.delete("/v1/clouds/a")
         tidy.delete("/v1/clouds/b")
         until(lambda: stored(tidy) == 0)
 
 
 def test_a_tenant_has_so_much_stored(server: Server) -> None:
-    room = len(CLOUD) + 100
+    room = ONE_CLOUD + ROW_BYTES + 100
     key = new_key(server, "small", stored_bytes=room)
     with caller(server, key) as small, caller(server, new_key(server, "large")) as large:
         small.put("/v1/clouds/a", content=CLOUD).raise_for_status()
@@ -127,9 +129,15 @@ def test_a_tenant_has_so_much_stored(server: Server) -> None:
                 assert [answer.is_success for answer in answers] == [True] * len(answers)
             else:
                 problems = [refused(a, "quota-exceeded", "stored_bytes") for a in answers]
-                assert {problem["used"] for problem in problems} == {len(CLOUD)}
-        upload = small.post("/v1/uploads", headers=TUS | {"Upload-Length": "100"})
-        assert upload.status_code == 201
+                used = [problem["used"] for problem in problems]
+                assert used == [ONE_CLOUD] * 4 + [ONE_CLOUD + ROW_BYTES]  # its row was reserved
+
+        def upload_all() -> httpx.Response | None:
+            """What a refused body had reserved counts until the next count."""
+            answer = small.post("/v1/uploads", headers=TUS | {"Upload-Length": "100"})
+            return answer if answer.status_code == 201 else None
+
+        upload = until(upload_all)
         until(lambda: stored(small) == room)
         pair = {"source": {"cloud": "a"}, "target": {"cloud": "a"}}
         refused(small.post("/v1/registrations", json=pair), "quota-exceeded", "stored_bytes")
@@ -137,17 +145,37 @@ def test_a_tenant_has_so_much_stored(server: Server) -> None:
         until(lambda: small.post("/v1/registrations", json=pair).status_code == 202)
 
 
+def test_rows_count(server: Server) -> None:
+    """Registrations whose result is known cost their labels, too."""
+    key = new_key(server, "wordy", stored_bytes=2**20)
+    with caller(server, key) as wordy:
+        wordy.put("/v1/clouds/a", content=CLOUD).raise_for_status()
+        labels = {f"label-{i}": "x" * 200 for i in range(16)}
+        pair = {"source": {"cloud": "a"}, "target": {"cloud": "a"}, "labels": labels}
+        first = wordy.post("/v1/registrations", json=pair, headers={"Prefer": "wait=60"})
+        assert first.json()["status"] == "succeeded"
+        answers: list[httpx.Response] = []
+
+        def is_refused() -> bool:
+            answers.append(wordy.post("/v1/registrations", json=pair))
+            return answers[-1].status_code != 200
+
+        until(is_refused)
+        refused(answers[-1], "quota-exceeded", "stored_bytes")
+        assert len(answers) < 2**20 / ROW_BYTES
+
+
 def test_what_is_on_its_way_counts(server: Server) -> None:
     """A body that would fit alone is refused while another one arrives."""
-    key = new_key(server, "racing", stored_bytes=len(CLOUD) + 10)
+    key = new_key(server, "racing", stored_bytes=ONE_CLOUD + 10)
     size = {"Content-Length": str(len(CLOUD))}
     with caller(server, key) as first, caller(server, key) as second:
 
         def slowly() -> Iterator[bytes]:
             yield CLOUD[:100]
-            until(lambda: stored(second) == len(CLOUD))
+            until(lambda: stored(second) == ONE_CLOUD)
             refused(second.put("/v1/clouds/b", content=CLOUD), "quota-exceeded", "stored_bytes")
             yield CLOUD[100:]
 
         assert first.put("/v1/clouds/a", content=slowly(), headers=size).status_code == 200
-        until(lambda: stored(second) == len(CLOUD))
+        until(lambda: stored(second) == ONE_CLOUD)

@@ -15,6 +15,7 @@ from starlette.types import Message
 
 import service.runtime
 from service.app import create_app
+from service.jobs.model import JobQueue
 from service.runtime import Runtime, open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
@@ -40,7 +41,7 @@ class IdleWorkers:
     def stop(self, grace_s: float = 0.0) -> None:
         self.is_stopping = self.is_stopped = True
 
-    def notify(self) -> None:
+    def notify(self, queue: JobQueue) -> None:
         """Wake nobody."""
 
     def held_jobs(self) -> frozenset[str]:

@@ -10,6 +10,7 @@ CORS_OPTIONS: dict[str, Any] = {
         "Authorization",
         "Content-Type",
         "Idempotency-Key",
+        "If-None-Match",
         "Last-Event-ID",
         "Prefer",
         "Tus-Resumable",
@@ -19,6 +20,7 @@ CORS_OPTIONS: dict[str, Any] = {
     ),
     "expose_headers": (
         "Content-Disposition",
+        "ETag",
         "Location",
         "Preference-Applied",
         "Retry-After",

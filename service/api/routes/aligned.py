@@ -17,6 +17,7 @@ from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
 from service.api.disconnect import unless_disconnected
 from service.api.download import DownloadResponse
 from service.api.threads import OwnThreads
+from service.jobs.fingerprint import hash_json
 from service.jobs.model import JobRow
 from service.problems import ExpiredError, ResultNotReadyError
 from service.runtime import Runtime
@@ -26,6 +27,10 @@ router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 FILE = "application/octet-stream"
 _EXPORTS = OwnThreads(MAX_RUNNING)
+Merged = Annotated[
+    bool,
+    Query(description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."),
+]
 
 
 async def _export(
@@ -36,12 +41,7 @@ async def _export(
     format: Annotated[
         Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
     ] = "ply",
-    merged: Annotated[
-        bool,
-        Query(
-            description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."
-        ),
-    ] = False,
+    merged: Merged = False,
 ) -> AsyncIterator[Path]:
     """Write the file, count it as stored, and remove it once the response has been sent."""
     export = await run_in_threadpool(_prepare, job, runtime, format, merged)
@@ -87,6 +87,14 @@ def _prepare(
         }
     },
 )
-def aligned(job: RequestedJob, path: Annotated[Path, Depends(_export)]) -> DownloadResponse:
+def aligned(
+    job: RequestedJob, path: Annotated[Path, Depends(_export)], merged: Merged = False
+) -> DownloadResponse:
     """Write the file on demand, in a process of its own."""
-    return DownloadResponse(path, media_type=FILE, filename=f"{job.id}-{path.name}")
+    tag = hash_json([job.work_key, job.result_sha256, path.name, merged])
+    return DownloadResponse(
+        path,
+        media_type=FILE,
+        filename=f"{job.id}-{path.name}",
+        headers={"ETag": f'W/"{tag}"'},  # weak: LAS files hold the day on which they were made
+    )

@@ -54,7 +54,12 @@ def get_inliers(
         raise ExpiredError("The result is missing on the disk; register the clouds again.")
     array = runtime.blobs.path(job.inliers_sha256)
     if (format or _preferred_format(accept)) == "npy":
-        return DownloadResponse(array, media_type=NPY, filename=f"{job.id}-inliers.npy")
+        return DownloadResponse(
+            array,
+            media_type=NPY,
+            filename=f"{job.id}-inliers.npy",
+            headers={"ETag": f'"{job.inliers_sha256}"'},
+        )
     rows = np.load(array, mmap_mode="r", allow_pickle=False)
     result = json.loads(runtime.blobs.path(job.result_sha256).read_bytes())
     chunks = iter_inliers_json(rows, result["inliers"]["threshold"])

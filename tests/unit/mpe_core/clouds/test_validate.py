@@ -63,6 +63,7 @@ def test_rows_that_are_not_finite_are_dropped_and_the_others_keep_their_rows():
         (None, CloudShapeError, "dtype"),
         (TETRAHEDRON * 1e30, CoordinateRangeError, r"1e\+30 in row 1"),
         (np.vstack([TETRAHEDRON, [[0, 0, -1e30]]]), CoordinateRangeError, "row 4"),
+        (1e-160 * np.random.default_rng(0).normal(size=(9, 3)), DegenerateCloudError, "one place"),
         (np.ones((5, 3)), DegenerateCloudError, "one place"),
         (np.full((5, 3), 4e6), DegenerateCloudError, "one place"),
         (np.outer(np.arange(9), [1, 2, 3]), DegenerateCloudError, "one line"),

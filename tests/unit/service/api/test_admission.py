@@ -21,6 +21,7 @@ from service.api.admission import (
 from service.auth.authenticator import Caller
 from service.auth.keys import KeyLimits
 from service.auth.quotas import StorageQuota
+from service.jobs.usage import ROW_BYTES
 from service.problems import (
     NotReadyError,
     OverloadedError,
@@ -32,7 +33,7 @@ from service.runtime import Runtime
 from tests.factories.api import IdleWorkers, idle_runtime, request_of
 from tests.factories.jobs import TENANT, new_job
 
-CALLER = Caller(TENANT, KeyLimits(stored_bytes=100, queue_limit=1))
+CALLER = Caller(TENANT, KeyLimits(stored_bytes=ROW_BYTES + 100, queue_limit=1))
 PLENTY = 2**60
 
 
@@ -100,22 +101,38 @@ def test_reserved_bytes_are_released_even_after_an_error(tmp_path: Path) -> None
         with mock.patch.object(StorageQuota, "release") as release:
             with pytest.raises(ZeroDivisionError):
                 fail()
-            release.assert_called_once_with(CALLER, 60)
+            release.assert_called_once_with(CALLER, 60 + ROW_BYTES)
 
     on_runtime(tmp_path, check)
 
 
 @pytest.mark.parametrize(
     ("headers", "reserved"),
-    [({"Content-Length": "40"}, 40), ({"Content-Length": "5000"}, 90), ({}, 90)],
+    [({"Content-Length": "40"}, 40), ({"Content-Length": "5000"}, 90), ({}, 0)],
 )
-def test_a_body_without_length_counts_as_the_longest(
+def test_what_is_announced_is_reserved(
     tmp_path: Path, headers: dict[str, str], reserved: int
 ) -> None:
     async def run() -> None:
         with idle_runtime(tmp_path, max_body_bytes=90) as runtime:
             async with reserve_body_bytes(request_of([], headers), runtime, CALLER):
-                assert runtime.storage_quota.used(TENANT) == reserved
+                assert runtime.storage_quota.used(TENANT) == reserved + ROW_BYTES
+
+    asyncio.run(run())
+
+
+def test_a_body_without_length_is_reserved_as_it_arrives(tmp_path: Path) -> None:
+    async def run() -> None:
+        with idle_runtime(tmp_path) as runtime:
+            request = request_of([b"x" * 60, b"x" * 40, b"x"], {})
+            async with reserve_body_bytes(request, runtime, CALLER) as counted:
+                chunks = counted.stream()
+                for reserved in (60, 100):
+                    await anext(chunks)
+                    assert runtime.storage_quota.used(TENANT) - ROW_BYTES == reserved
+                with pytest.raises(QuotaExceededError):
+                    await anext(chunks)
+            assert runtime.storage_quota.used(TENANT) - ROW_BYTES == 100  # until the next count
 
     asyncio.run(run())
 

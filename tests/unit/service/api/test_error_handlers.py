@@ -66,6 +66,7 @@ def test_an_unexpected_error_tells_nothing_and_is_counted(tmp_path: Path) -> Non
     ("error", "status", "kind"),
     [
         (OSError(errno.ENOSPC, "secret"), 507, "disk-full"),
+        (OSError(errno.EMFILE, "secret"), 503, "overloaded"),
         (OSError(errno.EIO, "secret"), 500, "internal-error"),
     ],
 )

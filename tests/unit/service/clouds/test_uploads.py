@@ -11,7 +11,7 @@ from service.clouds.store import CloudStore
 from service.clouds.uploads import Upload, UploadStore
 from service.database.engine import Database
 from service.formats import UnknownFormatError
-from service.jobs.usage import count_stored_bytes
+from service.jobs.usage import ROW_BYTES, count_stored_bytes
 from service.problems import (
     NotReadyError,
     UnknownCloudError,
@@ -104,7 +104,7 @@ def test_an_upload_may_be_larger_than_32_bits_count(open_uploads: Open, database
     assert uploads.get("lab", upload.id) == upload
     with pytest.raises(UnknownUploadError):
         uploads.get("other", upload.id)
-    assert count_stored_bytes(database, "lab") == 2**40
+    assert count_stored_bytes(database, "lab") == 2**40 + ROW_BYTES
     uploads.remove(upload)
     with pytest.raises(UnknownUploadError):
         uploads.get("lab", upload.id)

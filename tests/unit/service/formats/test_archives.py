@@ -5,12 +5,14 @@ from __future__ import annotations
 import gzip
 import io
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from service.formats import CloudFileError, UnsupportedFileError, read_points
+from service.formats import CloudFileError, ReadLimits, UnsupportedFileError, read_points
+from service.problems import is_disk_full
 from tests.factories.cloud_files import POINTS, npz, ply, text_rows
 from tests.factories.decoding import write_file
 from tests.factories.scanner_files import e57, las, obj, zipped
@@ -77,3 +79,16 @@ def test_files_of_an_unclear_zip_are_named(tmp_path: Path) -> None:
     path = write_file(tmp_path, zip_members(**{"a.xyz": ply(), "b.xyz": ply(), ".DS_Store": b""}))
     with pytest.raises(UnsupportedFileError, match=r"2 files \('a.xyz', 'b.xyz'\)"):
         read_points(path)
+
+
+@pytest.mark.parametrize("wrap", [gzip.compress, zipped])
+def test_an_expansion_leaves_some_of_the_disk_free(
+    tmp_path: Path, wrap: Callable[[bytes], bytes]
+) -> None:
+    """That is the fault of the disk, not of the file: the chain of errors tells."""
+    path = write_file(tmp_path, wrap(text_rows(POINTS)))
+    with pytest.raises(CloudFileError, match="cannot be expanded") as refused:
+        read_points(path, ReadLimits(min_free_disk_bytes=2**60))
+    assert isinstance(refused.value.__context__, OSError)
+    assert is_disk_full(refused.value)
+    assert list(tmp_path.iterdir()) == [path]

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import CloudFileError, FileLimitError, UnsupportedFileError
+from service.formats import CloudFileError, FileLimitError, UnsupportedFileError, read_points
 from tests.factories.cloud_files import NORMALS, POINTS, npy, npz
-from tests.factories.decoding import decode, decode_frugally, reason_of_refusal
+from tests.factories.decoding import decode, decode_frugally, reason_of_refusal, write_file
 from tests.factories.hostile_files import zip_of
 
 
@@ -84,3 +84,20 @@ def test_bombs_are_refused_before_they_expand(tmp_path: Path) -> None:
     for at in (bomb.find(size), bomb.rfind(size)):
         lying[at : at + 4] = struct.pack("<I", 1000)
     assert isinstance(decode_frugally(tmp_path, bytes(lying)), CloudFileError)
+
+
+@pytest.mark.parametrize("shape", ["(True, 3)", "(2, True)"])
+def test_a_truth_value_is_no_length(tmp_path: Path, shape: str) -> None:
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    header += b" " * (117 - len(header)) + b"\n"
+    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(48)
+    with pytest.raises(CloudFileError, match="shape"):
+        read_points(write_file(tmp_path, content))
+
+
+@pytest.mark.parametrize("columns", [(1, 1, 2), (3, 1, 1), (2, 2, 2)])
+def test_a_coordinate_is_one_number(tmp_path: Path, columns: tuple[int, int, int]) -> None:
+    fields = [(name, "f4", (n,)) for name, n in zip("xyz", columns, strict=True)]
+    np.save(tmp_path / "cloud.npy", np.zeros(5, fields))
+    with pytest.raises(CloudFileError, match="expected one number"):
+        read_points(tmp_path / "cloud.npy")

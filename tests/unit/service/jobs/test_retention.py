@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 from sqlalchemy import update
@@ -12,7 +13,7 @@ from service.database.tables import jobs
 from service.jobs.queries import JobQueries
 from service.jobs.retention import drop_expired, find_needed_blobs
 from service.jobs.transitions import JobTransitions
-from service.jobs.usage import count_stored_bytes
+from service.jobs.usage import ROW_BYTES, count_stored_bytes
 from tests.factories.jobs import CLOUD, OUTCOME, TENANT, add, claim
 
 
@@ -53,7 +54,15 @@ def test_a_failed_job_needs_no_clouds(database: Database, transitions: JobTransi
 def test_a_file_counts_once_for_its_tenant(database: Database, transitions: JobTransitions) -> None:
     add(transitions), add(transitions)
     assert CLOUD.size is not None
-    assert count_stored_bytes(database, TENANT) == CLOUD.size
-    transitions.succeed(claim(transitions), OUTCOME, None)
-    assert count_stored_bytes(database, TENANT) == CLOUD.size + OUTCOME.result_bytes
+    with_one = count_stored_bytes(database, TENANT)
+    assert CLOUD.size + 2 * ROW_BYTES < with_one < CLOUD.size + 3 * ROW_BYTES
+    transitions.succeed(claim(transitions), replace(OUTCOME, warnings=[]), None)
+    assert count_stored_bytes(database, TENANT) == with_one + OUTCOME.result_bytes
     assert count_stored_bytes(database, "other") == 0
+
+
+def test_texts_of_the_caller_count(database: Database, transitions: JobTransitions) -> None:
+    add(transitions)
+    small = count_stored_bytes(database, TENANT)
+    add(transitions, labels={"part": "x" * 50_000})
+    assert count_stored_bytes(database, TENANT) > small + 50_000

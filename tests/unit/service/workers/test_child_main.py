@@ -17,7 +17,7 @@ from service.workers.sandbox.limits import ResourceLimits
 from service.workers.task import Task, TaskEnvironment
 
 LIMITS = ResourceLimits(memory_bytes=300 * 2**20, cpu_s=1)
-ENVIRONMENT = TaskEnvironment("job", "lab", Path("data"), Path("scratch"), 1, LIMITS, False)
+ENVIRONMENT = TaskEnvironment("job", "lab", Path("data"), Path("scratch"), 1, LIMITS, 0, False)
 
 
 @dataclass(frozen=True, slots=True)

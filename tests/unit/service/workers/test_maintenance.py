@@ -24,6 +24,24 @@ def test_a_task_that_fails_is_logged_and_the_others_are_called(
     assert "ZeroDivisionError" in caplog.text
 
 
+def test_a_task_that_goes_on_failing_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    fails = True
+
+    def task() -> None:
+        if fails:
+            raise ZeroDivisionError
+
+    maintenance = Maintenance([task], 1.0)
+    maintenance.run_once()
+    maintenance.run_once()
+    assert caplog.text.count("a maintenance task failed") == 1
+    fails = False
+    maintenance.run_once()
+    fails = True
+    maintenance.run_once()
+    assert caplog.text.count("a maintenance task failed") == 2
+
+
 def test_tasks_are_called_again_and_again_until_it_stops() -> None:
     seen, count = threading.Event(), 0
 
