@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from mpe_core.errors import InvalidOptionsError
-from mpe_core.geometry.validation import MAX_COORDINATE, is_rigid
+from mpe_core.geometry.transform_forms import read_rigid_transform
+from mpe_core.geometry.validation import MAX_COORDINATE
 
 Vector = tuple[float, float, float]
 _Row = tuple[float, float, float, float]
@@ -77,9 +78,18 @@ class RegistrationOptions:
     From a thousandth to a fifth of the radius of the smaller cloud. None: 1.5 % of that radius."""
 
     initial_transform: Matrix | None = None
-    """Approximate pose of the source in the target's frame: 4x4 rigid transform, row-major, in the
-    form of the result. The search keeps within 30 degrees and half a radius of the smaller cloud
-    of it; local methods start there."""
+    """Approximate pose of the source in the target's frame, in the form of the result: 4x4 rigid
+    transform, row-major. Also taken are 3x4, one list of 16 or 12 numbers, column-major, and an
+    object with quaternion_xyzw or quaternion_wxyz and translation; rounded numbers become the
+    nearest rotation. The search keeps within 30 degrees and half a radius of the smaller cloud of
+    it, and of poses that fit as well the nearest to it wins; local methods start there."""
+
+    max_rotation_deg: float | None = None
+    """Largest angle between initial_transform and the result, in degrees. None: 30."""
+
+    max_translation: float | None = None
+    """Largest distance of the source's centre from where initial_transform puts it, in the unit of
+    the input. None: half a radius of the smaller cloud."""
 
     source_gravity: Vector | None = None
     """Direction of gravity in the source's frame, of any length. With target_gravity, the search
@@ -136,6 +146,11 @@ class RegistrationOptions:
                 raise InvalidOptionsError(f"{name} must be a direction, got the zero vector")
         if self.initial_transform is not None:
             self._check_initial_transform()
+        _check_positive("max_rotation_deg", self.max_rotation_deg, maximum=180)
+        _check_positive("max_translation", self.max_translation)
+        for name in ("max_rotation_deg", "max_translation"):
+            if getattr(self, name) is not None and self.initial_transform is None:
+                raise InvalidOptionsError(f"{name} needs initial_transform: give both or neither")
         self._check_purpose()
 
     def _check_vectors(self, *names: str) -> None:
@@ -147,19 +162,18 @@ class RegistrationOptions:
             self._replace(name, tuple(_numbers(name, getattr(self, name), (3,)).tolist()))
 
     def _check_initial_transform(self) -> None:
-        T = _numbers("initial_transform", self.initial_transform, (4, 4))
-        if not is_rigid(T):
-            raise InvalidOptionsError(
-                "initial_transform must be rigid: a rotation and a translation above the row"
-                f" 0 0 0 1, without scale, got {T.tolist()}"
-            )
+        try:
+            T = read_rigid_transform(self.initial_transform)
+        except ValueError as error:
+            raise InvalidOptionsError(f"initial_transform {error}") from None
         self._replace("initial_transform", tuple(tuple(row) for row in T.tolist()))
 
     def _check_purpose(self) -> None:
         """Refuse what the chosen method would ignore."""
         if self.method == "mpl" and self.search == "global":
             return
-        for name in ("source_gravity", "source_viewpoint", "yaw_only", "voxel_size"):
+        searched = ("max_rotation_deg", "max_translation", "voxel_size")
+        for name in ("source_gravity", "source_viewpoint", "yaw_only", *searched):
             if getattr(self, name):
                 raise InvalidOptionsError(
                     f'{name} needs method "mpl" with search "global", got method'
@@ -181,7 +195,7 @@ def _check_positive(name: str, value: object, maximum: float = sys.float_info.ma
     if value is None:
         return
     if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value <= maximum:
-        limit = f" and at most {maximum}" if maximum == 1 else ""
+        limit = f" and at most {maximum}" if maximum < sys.float_info.max else ""
         raise InvalidOptionsError(f"{name} must be a number above 0{limit}, got {value!r}")
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
 from mpe_core.assess.free_space import FreeSpace
 from mpe_core.assess.layer_conflict import LayerConflict
+from mpe_core.assess.near_start import prefer_near_start
 from mpe_core.assess.score import PoseScorer
 from mpe_core.clouds.ground import Ground, find_ground, may_have_ground
 from mpe_core.clouds.preprocess import PreparedCloud
@@ -133,7 +134,19 @@ class PosePipeline:
                 self._search_levelled(poses, progress)
                 if _has_convincing(poses, level):
                     break
-        return _select_equal(sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True))
+        ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
+        if self._prior.initial is not None:
+            ordered = self._prefer_near_start(self._prior.initial, ordered)
+        return _select_equal(ordered)
+
+    def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
+        """Order the poses and that next to the start: near ones first, within the given range."""
+        poses = [*ordered, self.refine(start)]
+        if self._options.max_rotation_deg or self._options.max_translation:
+            in_range = self._prior.accepts(np.array([pose.minimum.T for pose in poses]))
+            poses = [pose for pose, is_near in zip(poses, in_range, strict=True) if is_near]
+            poses = poses or [ScoredPose(Minimum(start, False, 0), self.scorer.score(start))]
+        return prefer_near_start(poses, lambda pose: self._prior.distance(pose.minimum.T))
 
     def find_candidates(self, level: SearchLevel, report: FractionCallback) -> Candidates:
         """Search at this level; candidates come best first."""

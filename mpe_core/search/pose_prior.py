@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -42,6 +42,10 @@ class PosePrior:
     """(3,) unit vectors in the source and in the target that the pose aligns within a tolerance."""
     yaw_only: bool = False
     """Whether the pose aligns them exactly."""
+    max_rotation_deg: float = MAX_ROTATION_DEG
+    """Angle to the initial pose up to which descents start."""
+    max_shift: float = MAX_SHIFT
+    """Distance from the initial pose up to which descents start."""
 
     @classmethod
     def from_options(cls, options: RegistrationOptions, pair: CloudPair) -> Self:
@@ -53,19 +57,22 @@ class PosePrior:
             initial=None if initial is None else pair.from_caller(np.array(initial)),
             down=down if has_vertical else None,
             yaw_only=options.yaw_only,
+            max_rotation_deg=(options.max_rotation_deg or END_SLACK * MAX_ROTATION_DEG) / END_SLACK,
+            max_shift=(options.max_translation or END_SLACK * MAX_SHIFT * pair.unit)
+            / (END_SLACK * pair.unit),
         )
 
     def inverse(self) -> PosePrior:
         """Exchange source and target."""
         initial = None if self.initial is None else inverse(self.initial)
         down = None if self.down is None else (self.down[1], self.down[0])
-        return PosePrior(initial, down, self.yaw_only)
+        return replace(self, initial=initial, down=down)
 
     def rotations(self, count: int) -> Array:
         """(K, 3, 3) rotations to start from; `count` of them without a prior."""
         if self.initial is None and self.down is None:
             return even_rotations(count)
-        rotations = even_rotations(OVERSAMPLING * count)
+        rotations = even_rotations(self._oversampling() * count)
         rotations = rotations[self._are_in_range(rotations, 1.0)]
         if self.initial is not None:
             rotations = np.concatenate([self.initial[None, :3, :3], rotations])
@@ -79,7 +86,7 @@ class PosePrior:
         if self.initial is None:
             return proposed
         known = self.initial[:3, 3]
-        is_far = np.linalg.norm(proposed - known, axis=1) > MAX_SHIFT
+        is_far = np.linalg.norm(proposed - known, axis=1) > self.max_shift
         near: NDArray[np.float32] = np.where(is_far[:, None], known, proposed).astype(np.float32)
         near[0] = known  # the first rotation is the initial one
         return near
@@ -89,8 +96,23 @@ class PosePrior:
         accepted = self._are_in_range(poses[:, :3, :3], END_SLACK)
         if self.initial is not None:
             shift = np.linalg.norm(poses[:, :3, 3] - self.initial[:3, 3], axis=1)
-            accepted &= shift <= END_SLACK * MAX_SHIFT
+            accepted &= shift <= END_SLACK * self.max_shift
         return accepted
+
+    def distance(self, T: Array) -> float:
+        """Distance of a pose (4, 4) from the initial one, in ranges of the search."""
+        assert self.initial is not None  # noqa: S101
+        cosine = (np.trace(T[:3, :3].T @ self.initial[:3, :3]) - 1) / 2
+        angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+        shift = float(np.linalg.norm(T[:3, 3] - self.initial[:3, 3]))
+        return angle / self.max_rotation_deg + shift / self.max_shift
+
+    def _oversampling(self) -> int:
+        """Rotations over those of a search without prior; fewer where the range keeps many."""
+        angle = np.radians(END_SLACK * self.max_rotation_deg)
+        if self.initial is None or self.max_rotation_deg <= MAX_ROTATION_DEG:
+            return OVERSAMPLING
+        return int(np.clip(np.ceil(np.pi / (angle - np.sin(angle))), 1, OVERSAMPLING))
 
     def project_to_yaw(self, T: Array) -> Array:
         """(4, 4) pose next to T that turns about the vertical alone, if only yaw is allowed."""
@@ -109,7 +131,9 @@ class PosePrior:
         in_range = np.ones(len(rotations), np.bool_)
         if self.initial is not None:
             trace = np.einsum("kij,ij->k", rotations, self.initial[:3, :3])
-            in_range &= trace >= 1 + 2 * np.cos(np.radians(slack * MAX_ROTATION_DEG))
+            in_range &= trace >= 1 + 2 * np.cos(
+                np.radians(min(slack * self.max_rotation_deg, 180.0))
+            )
         if self.down is not None:
             cosine = np.einsum("kij,j,i->k", rotations, *self.down)
             in_range &= cosine >= np.cos(np.radians(slack * MAX_TILT_DEG))

@@ -10,7 +10,7 @@ from mpe_core import InvalidOptionsError
 
 
 def read_pose(path: Path) -> Any:
-    """Read 4x4 numbers: four lines of four, or JSON, alone or as the `transform` of a result.
+    """Read a transform: lines of numbers, or JSON, alone or as the `transform` of a result.
 
     The shape and the values are not checked.
 
@@ -26,16 +26,18 @@ def read_pose(path: Path) -> Any:
         pose = None
     if pose is None:
         raise InvalidOptionsError(
-            f"{path}: expected four lines of four numbers, or JSON with them as 'transform'"
+            f"{path}: expected three or four lines of four numbers, one of 12 or 16, or JSON with"
+            " them as 'transform'"
         )
     return pose
 
 
 def _json(text: str) -> Any:
     document = json.loads(text)
-    return document.get("transform") if isinstance(document, dict) else document
+    return document.get("transform", document) if isinstance(document, dict) else document
 
 
-def _rows(text: str) -> list[list[float]]:
+def _rows(text: str) -> list[float] | list[list[float]]:
     lines = text.replace(",", " ").splitlines()
-    return [[float(word) for word in line.split()] for line in lines if line.strip()]
+    rows = [[float(word) for word in line.split()] for line in lines if line.strip()]
+    return rows[0] if len(rows) == 1 else rows

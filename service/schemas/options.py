@@ -14,7 +14,8 @@ from typing import Annotated, Any, get_type_hints
 from pydantic import BeforeValidator, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
-from mpe_core.options import Matrix, RegistrationOptions, Vector
+from mpe_core.geometry.transform_forms import QUATERNIONS, read_rigid_transform
+from mpe_core.options import RegistrationOptions, Vector
 from service.schemas.base import check_field_names, whole_as_int
 
 OPTION_NAMES = tuple(field.name for field in fields(RegistrationOptions))
@@ -24,6 +25,8 @@ SCHEMA_BOUNDS: dict[str, dict[str, float]] = {
     "overlap": {"exclusiveMinimum": 0, "maximum": 1},
     "inlier_threshold": {"exclusiveMinimum": 0},
     "voxel_size": {"exclusiveMinimum": 0},
+    "max_rotation_deg": {"exclusiveMinimum": 0, "maximum": 180},
+    "max_translation": {"exclusiveMinimum": 0},
     "max_iterations": {"minimum": 1},
     "seed": {"minimum": 0},
 }
@@ -32,7 +35,6 @@ SCHEMA_BOUNDS: dict[str, dict[str, float]] = {
 _HINTS = get_type_hints(RegistrationOptions)
 _SHAPES: dict[Any, tuple[tuple[int, ...], str]] = {
     Vector | None: ((3,), "a list of 3 numbers, x, y, z, or null"),
-    Matrix | None: ((4, 4), "a list of 4 rows of 4 numbers, or null"),
 }
 
 
@@ -44,7 +46,21 @@ def _from_json(value: object) -> object:
     errors = [_shape_error(name) for name, item in value.items() if not _has_shape(name, item)]
     if errors:
         raise ValidationError.from_exception_data("options", errors)
-    return {name: _as_tuple(item) for name, item in value.items()}
+    values = {name: _as_tuple(item) for name, item in value.items()}
+    if values.get("initial_transform") is not None:
+        values["initial_transform"] = _read_transform(value["initial_transform"])
+    return values
+
+
+def _read_transform(value: object) -> object:
+    """Turn any form of a rigid transform into rows of numbers."""
+    try:
+        return _as_tuple(read_rigid_transform(value).tolist())
+    except ValueError as reason:
+        text = {"reason": str(reason)}
+        error = PydanticCustomError("transform", "initial_transform {reason}", text)
+        line = InitErrorDetails(type=error, loc=("initial_transform",), input=None)
+        raise ValidationError.from_exception_data("options", [line]) from None
 
 
 def _has_shape(name: str, value: object) -> bool:
@@ -85,7 +101,29 @@ class _JsonSchema:
         for name, option in schema["properties"].items():
             option["description"] = " ".join(option["description"].split())
             option |= SCHEMA_BOUNDS.get(name, {}) | _list_schemas(option)
+        forms = schema["properties"]["initial_transform"]["anyOf"]
+        forms[1:1] = _transform_forms()
         return reference
+
+
+def _transform_forms() -> list[dict[str, Any]]:
+    """Describe the forms of a rigid transform beside 4x4 rows."""
+    number = {"type": "number"}
+
+    def numbers(least: int, most: int) -> dict[str, Any]:
+        return {"type": "array", "minItems": least, "maxItems": most, "items": number}
+
+    rows = {"type": "array", "minItems": 3, "maxItems": 3, "items": numbers(4, 4)}
+    quaternions = [
+        {
+            "type": "object",
+            "additionalProperties": False,
+            "required": [name, "translation"],
+            "properties": {name: numbers(4, 4), "translation": numbers(3, 3)},
+        }
+        for name in QUATERNIONS
+    ]
+    return [rows, numbers(16, 16), numbers(12, 12), *quaternions]
 
 
 def _list_schemas(schema: dict[str, Any]) -> dict[str, Any]:

@@ -57,9 +57,9 @@ def test_weights_as_arguments(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--initial-transform", "FOLDER/source.ply"], "source.ply: expected four lines of four"),
+        (["--initial-transform", "FOLDER/source.ply"], "source.ply: expected three or four lines"),
         (["--initial-transform", "FOLDER/none.txt"], "none.txt: No such file"),
-        (["--initial-transform", "FOLDER/three.txt"], "initial_transform must be 4 x 4"),
+        (["--initial-transform", "FOLDER/three.txt"], "initial_transform must be 4x4"),
         (["--source-gravity", "0", "0", "-1"], "target_gravity: give both"),
         (["--source-weights", "mass"], "no attribute 'mass'"),
     ],

@@ -170,9 +170,9 @@ def test_options_come_back_and_equal_ones_are_the_same_work(server: Server) -> N
 @pytest.mark.parametrize(
     ("options", "pointer", "words"),
     [
-        ({"initial_transform": np.eye(3).tolist()}, "initial_transform", "4 rows of 4 numbers"),
-        ({"initial_transform": "here"}, "initial_transform", "4 rows of 4 numbers"),
-        ({"initial_transform": (2 * np.eye(4)).tolist()}, "", "initial_transform must be rigid"),
+        ({"initial_transform": np.eye(3).tolist()}, "initial_transform", "4x4 or 3x4 numbers"),
+        ({"initial_transform": "here"}, "initial_transform", "4x4 or 3x4 numbers"),
+        ({"initial_transform": (2 * np.eye(4)).tolist()}, "initial_transform", "must be rigid"),
         ({"source_gravity": [0, -1], "target_gravity": [0, 0, 1]}, "source_gravity", "3 numbers"),
         ({"source_gravity": [0, 0, "1"]}, "source_gravity/2", "a valid number"),
         ({"source_gravity": [0, 0, 0], "target_gravity": [0, 0, 1]}, "", "must be a direction"),

@@ -27,6 +27,9 @@ FULL = {
 }
 
 
+NEEDS_START = ("max_rotation_deg", "max_translation")
+
+
 def parse(options: Any) -> RegistrationOptions:
     text = json.dumps({"options": options})
     return RegistrationParameters.model_validate_json(text).options
@@ -71,9 +74,9 @@ def test_equal_numbers_give_equal_text() -> None:
         ({"source_gravity": [0, 1]}, "options/source_gravity", "a list of 3 numbers"),
         ({"source_gravity": {"0": 1}}, "options/source_gravity", "a list of 3 numbers"),
         ({"source_gravity": [0, "1", 2]}, "options/source_gravity/1", "valid number"),
-        ({"initial_transform": "x"}, "options/initial_transform", "4 rows of 4 numbers"),
-        ({"initial_transform": np.eye(3).tolist()}, "options/initial_transform", "4 rows"),
-        ({"initial_transform": (2 * np.eye(4)).tolist()}, "options", "must be rigid"),
+        ({"initial_transform": "x"}, "options/initial_transform", "4x4 or 3x4 numbers"),
+        ({"initial_transform": np.eye(3).tolist()}, "options/initial_transform", "4x4 or 3x4"),
+        ({"initial_transform": (2 * np.eye(4)).tolist()}, "options/initial_transform", "rigid"),
         ("mpl", "options", "object"),
         (["mpl"], "options", "object"),
     ],
@@ -83,6 +86,20 @@ def test_each_mistake_is_told_once_where_it_is(options: Any, pointer: str, words
     assert where == pointer
     assert words in message
     assert "secret" not in message
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        TURN[:3],
+        [number for row in TURN for number in row],
+        np.transpose(TURN).tolist(),
+        {"quaternion_wxyz": [0.7071, 0, 0, 0.7071], "translation": [0.5, 0, 0]},
+    ],
+)
+def test_a_transform_is_read_in_any_form(form: Any) -> None:
+    transform = parse({"initial_transform": form}).initial_transform
+    np.testing.assert_allclose(np.array(transform), TURN, atol=1e-12)
 
 
 def test_null_stands_for_what_is_not_known() -> None:
@@ -106,10 +123,11 @@ def test_the_published_bounds_are_those_that_are_checked(name: str) -> None:
     for bound, value in bounds.items():
         beyond = value + (1 if bound == "maximum" else -1)
         inside = value if bound in ("minimum", "maximum") else 1
-        RegistrationOptions(**{name: inside})
+        needed: dict[str, Any] = {"initial_transform": np.eye(4)} if name in NEEDS_START else {}
+        RegistrationOptions(**{name: inside}, **needed)
         for wrong in (beyond, *([value] if bound == "exclusiveMinimum" else [])):
             with pytest.raises(InvalidOptionsError, match=name):
-                RegistrationOptions(**{name: wrong})
+                RegistrationOptions(**{name: wrong}, **needed)
 
 
 def test_vectors_are_described_as_lists() -> None:
