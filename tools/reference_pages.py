@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 import service.app  # noqa: F401 - imports every module that defines problem types
-from service.formats import FORMATS
+from service.formats import FORMATS, WRITERS
 from service.problems import all_problem_types
 from service.schemas import Result, describe_options
 from service.settings import setting_variables
@@ -38,6 +38,16 @@ names. Other statuses of HTTP itself (404, 405, ...) are named by their phrase: 
 FORMATS_TEXT = """\
 The content of a file decides its format, not its name. `GET /v1/formats` lists the same.
 """
+WRITERS_TEXT = """
+## Written
+
+`mpe align -o FILE` and `GET .../aligned?format=` write these. Attributes are read from every
+format; columns of text and arrays without names are called `column_4` and so on. Normals,
+velocities, and the axes and harmonics of Gaussian splats are turned. What a format cannot hold
+is named in a warning: on standard error, or in the header `X-Warnings` (a JSON array). An
+attribute called x, y or z is called `attribute_x`, `attribute_y` or `attribute_z`.
+
+"""
 
 
 def render_pages() -> dict[str, str]:
@@ -51,7 +61,9 @@ def render_pages() -> dict[str, str]:
         "problems.md": _page("Problems", PROBLEMS_TEXT, ("name", "status", "meaning"), _problems()),
         "formats.md": _page(
             "Formats", FORMATS_TEXT, ("format", "usual extensions", "what is read"), _formats()
-        ),
+        )
+        + WRITERS_TEXT
+        + _table(("format", "what is kept beside the coordinates"), _writers()),
     }
 
 
@@ -85,6 +97,11 @@ def _formats() -> Iterator[tuple[str, ...]]:
         yield f"`{item.name}`", ", ".join(item.extensions), item.title
 
 
+def _writers() -> Iterator[tuple[str, ...]]:
+    for name, item in WRITERS.items():
+        yield f"`{name}`", item.kept
+
+
 def _default(value: Any) -> str:
     if value is PydanticUndefined or value == ():
         return ""
@@ -92,9 +109,12 @@ def _default(value: Any) -> str:
 
 
 def _page(title: str, text: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    return f"{NOTICE}\n# {title}\n\n{text}\n{_table(head, rows)}"
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     cells = [head, ("---",) * len(head), *rows]
-    table = "".join(f"| {' | '.join(_escape(cell) for cell in row)} |\n" for row in cells)
-    return f"{NOTICE}\n# {title}\n\n{text}\n{table}"
+    return "".join(f"| {' | '.join(_escape(cell) for cell in row)} |\n" for row in cells)
 
 
 def _escape(cell: str) -> str:

@@ -19,7 +19,7 @@ from service.cli.align_arguments import (
 from service.cli.exit_codes import EXIT_ERROR, EXIT_OK, EXIT_USAGE
 from service.cli.keys import add_keys, run
 from service.clouds.inputs import CLOUD_ROLES
-from service.clouds.transform import transform_cloud
+from service.clouds.transform import adopt_crs, transform_cloud
 from service.formats import (
     WRITERS,
     CloudFileError,
@@ -79,14 +79,17 @@ def _align(arguments: argparse.Namespace) -> int:
             source_weights=source.weights,
             target_weights=target.weights,
         )
+        written: tuple[str, ...] = ()
         if arguments.output:
             cloud = transform_cloud(source, registration.T_target_source)
-            write_cloud(arguments.output, output_format, cloud.points, cloud.attributes)
+            cloud = adopt_crs(cloud, target.crs)
+            lost = cloud.warnings[len(source.warnings) :]
+            written = lost + write_cloud(arguments.output, output_format, cloud)
     except (RegistrationError, CloudFileError) as error:
         return _fail(str(error), EXIT_ERROR)
     except OSError as error:
         return _fail(f"{error.filename}: {error.strerror}", EXIT_ERROR)
-    for warning in (*source.warnings, *target.warnings, *registration.warnings):
+    for warning in (*source.warnings, *target.warnings, *registration.warnings, *written):
         print(f"mpe: warning: {warning}", file=sys.stderr)
     print(_document(registration) if arguments.json else _summary(source, target, registration))
     return EXIT_OK

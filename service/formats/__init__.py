@@ -17,9 +17,10 @@ from service.formats.errors import (
     UnknownFormatError,
     UnsupportedFileError,
 )
-from service.formats.read import read_points, sniff, sniff_file
+from service.formats.las_metadata import LasMetadata, LasRecord
+from service.formats.read import read_crs, read_points, sniff, sniff_file
 from service.formats.registry import FORMATS, Format
-from service.formats.write import WRITERS, write_cloud, write_ply
+from service.formats.writers import WRITERS, write_cloud, write_ply
 
 __all__ = [
     "FORMATS",
@@ -28,6 +29,8 @@ __all__ = [
     "DecodedCloud",
     "FileLimitError",
     "Format",
+    "LasMetadata",
+    "LasRecord",
     "MalformedFileError",
     "MissingAttributeError",
     "MissingLibraryError",
@@ -35,6 +38,7 @@ __all__ = [
     "TruncatedFileError",
     "UnknownFormatError",
     "UnsupportedFileError",
+    "read_crs",
     "read_points",
     "sniff",
     "sniff_file",

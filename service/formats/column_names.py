@@ -32,6 +32,12 @@ _NORMALS = (
     ("normalx", "normaly", "normalz"),
     ("normals:0", "normals:1", "normals:2"),
 )
+_VECTORS = (
+    *_NORMALS,
+    ("vx", "vy", "vz"),
+    ("velocity_x", "velocity_y", "velocity_z"),
+)
+"""Attributes with a direction, which turn with the cloud."""
 _UNITS = ("_mm", "_cm", "_km", "_m", "_ft", "_in")
 _LATITUDES = {"lat", "latitude", "glat", "breite"}
 _LONGITUDES = {"lon", "long", "lng", "longitude", "glon", "laenge", "länge"}
@@ -53,6 +59,12 @@ def find_xyz(names: Sequence[str]) -> tuple[int, ...] | None:
 def find_normals(names: Sequence[str]) -> tuple[int, ...] | None:
     """Find the indices of the components of the normal; None unless each is there once."""
     return _find_triple(names, _NORMALS)
+
+
+def find_vectors(names: Sequence[str]) -> list[tuple[int, ...]]:
+    """Find the indices of the components of all attributes with a direction."""
+    found = (_find_triple(names, [triple]) for triple in _VECTORS)
+    return [columns for columns in found if columns is not None]
 
 
 def are_geographic(names: Sequence[str]) -> bool:

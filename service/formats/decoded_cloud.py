@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.errors import FileLimitError, TruncatedFileError
+from service.formats.las_metadata import LasMetadata, LasRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +29,12 @@ class DecodedCloud:
     """(N,) columns beside the coordinates by their names in the file; only if requested."""
     weights: NDArray[np.generic] | None = None
     """(N,) the attribute requested as the weight of each point."""
+    faces: NDArray[np.int64] | None = None
+    """(F, 3) triangles of a mesh as indices of points; only if attributes are requested."""
+    las: LasMetadata | None = None
+    """How a LAS file stores its points; only if attributes are requested."""
+    crs: tuple[LasRecord, ...] = ()
+    """Records of LAS that say in which coordinate system the points are."""
 
 
 @dataclass(frozen=True, slots=True)

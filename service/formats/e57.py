@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.e57_fields import Fields, add_buffers, rotate_normals, select_fields
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -32,10 +33,13 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 
 
-def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
+def read(
+    path: Path, limits: ReadLimits, scan: int | None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read the points of a scan (counted from 0) or of all scans, moved by their poses.
 
-    Points marked as invalid become NaN, so that they keep their index.
+    Points marked as invalid become NaN, so that they keep their index. `attributes` adds the other
+    fields that all of these scans have.
 
     Raises
     ------
@@ -50,14 +54,24 @@ def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
         total = sum(header.point_count for header in headers)
         check_count(total, 0, 0, f"{len(headers)} scans", limits)
         wanted, warnings = select_scans(len(headers), scan)
-        parts = [_read_scan(file, headers[i]) for i in wanted]
+        fields = select_fields([headers[i] for i in wanted]) if attributes else Fields()
+        parts = [_read_scan(file, headers[i], fields) for i in wanted]
         file.close()
     except CloudFileError:
         raise
     except (pye57.libe57.E57Exception, RuntimeError, ValueError, TypeError, KeyError) as error:
         reason = short_reason(error)
         raise MalformedFileError(f"the E57 file cannot be read: {reason}") from None
-    return DecodedCloud(np.concatenate(parts), "e57", warnings)
+    kept = {
+        name: np.concatenate([columns[field] for _, columns in parts])
+        for name, field in fields.names.items()
+    }
+    return DecodedCloud(
+        np.concatenate([points for points, _ in parts]),
+        "e57",
+        warnings + fields.warnings,
+        attributes=kept,
+    )
 
 
 def _check_header(path: Path) -> None:
@@ -125,7 +139,9 @@ def _check_prototypes(xml: bytes) -> None:
             )
 
 
-def _read_scan(file: Any, header: Any) -> NDArray[np.float64]:
+def _read_scan(
+    file: Any, header: Any, extra: Fields
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.generic]]]:
     fields = set(header.point_fields)
     if fields.issuperset(_CARTESIAN):
         names, invalid = _CARTESIAN, "cartesianInvalidState"
@@ -139,13 +155,19 @@ def _read_scan(file: Any, header: Any) -> NDArray[np.float64]:
     columns = [*names, invalid] if invalid in fields else [*names]
     capacity = min(_CHUNK_POINTS, max(1, header.point_count))
     data, buffers = file.make_buffers(columns, capacity)
+    add_buffers(file.image_file, extra, capacity, data, buffers)
     reader = header.points.reader(buffers)
     parts = [np.empty((0, 3))]
+    others: dict[str, list[NDArray[np.generic]]] = {
+        name: [np.empty(0, kind)] for name, kind in extra.types.items()
+    }
     while got := reader.read():
         rows = np.stack([data[name][:got] for name in names], axis=1).astype(np.float64)
         if invalid in data:
             rows[data[invalid][:got] != 0] = np.nan
         parts.append(rows)
+        for name, chunks in others.items():
+            chunks.append(data[name][:got].astype(extra.types[name]))
     points = np.concatenate(parts)
     if len(points) != header.point_count:
         raise TruncatedFileError(
@@ -153,9 +175,12 @@ def _read_scan(file: Any, header: Any) -> NDArray[np.float64]:
         )
     if names is _SPHERICAL:
         points = _to_cartesian(points)
+    kept = {name: np.concatenate(chunks) for name, chunks in others.items()}
     if header.has_pose():
-        points = points @ header.rotation_matrix.T + header.translation
-    return points
+        rotation = header.rotation_matrix
+        points = points @ rotation.T + header.translation
+        rotate_normals(kept, rotation)
+    return points, kept
 
 
 def _to_cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:

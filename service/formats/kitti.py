@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
@@ -25,8 +26,8 @@ def are_float_rows(head: bytes) -> bool:
     return len(values) >= 16 and plausible.sum() > 0.98 * len(values) and bool(sizes.any())
 
 
-def read(path: Path, limits: ReadLimits) -> DecodedCloud:
-    """Read all rows.
+def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
+    """Read all rows; `attributes` adds their intensity.
 
     Raises
     ------
@@ -48,4 +49,6 @@ def read(path: Path, limits: ReadLimits) -> DecodedCloud:
             f"{negative} of {len(rows)} rows have a negative intensity in column 4; expected rows "
             "of x, y, z, intensity: save rows with another number of columns as .npy"
         )
-    return DecodedCloud(rows[:, :3].astype(np.float32), "kitti")
+    kept: dict[str, NDArray[np.generic]] = {"intensity": rows[:, 3].astype(np.float32)}
+    points = rows[:, :3].astype(np.float32)
+    return DecodedCloud(points, "kitti", attributes=kept if attributes else {})

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import logging
 import struct
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     short_reason,
 )
+from service.formats.las_metadata import LasMetadata, LasRecord
 from service.formats.libraries import import_library
 
 MAGIC = b"LASF"
@@ -29,6 +32,10 @@ _MIN_HEADER_BYTES = 227
 _VLR_BYTES, _EVLR_BYTES = 54, 60
 _CHUNK_POINTS = 100_000
 _MAX_CHUNK_POINTS = 16_000_000
+_MAX_RECORD_BYTES = 1 << 20
+"""Bytes of the records that are kept; real ones have some kilobytes."""
+_MAX_EXTENDED = 1000
+"""Records after the points that are looked at."""
 _COMPRESSED_BIT = 0x80
 """Bit of the point format that marks LAZ."""
 _ROW_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
@@ -62,7 +69,7 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
         header = _check_header(file.read(375), size, limits)
     if header.compressed:
         _check_chunk_table(path, header.offset, size)
-    points, kept = _decode(path, header.count, attributes=attributes)
+    points, kept, metadata, crs = _decode(path, header.count, attributes=attributes)
     if len(points) < header.count:
         raise TruncatedFileError(f"the file holds {len(points)} of {header.count} announced points")
     left = size - header.offset - header.count * header.row_bytes
@@ -70,7 +77,22 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     if left > 0 and not header.compressed:
         warnings += (f"{left} bytes after the last point are ignored",)
     name = "laz" if header.compressed else "las"
-    return DecodedCloud(points, name, warnings, attributes=kept)
+    return DecodedCloud(points, name, warnings, attributes=kept, las=metadata, crs=crs)
+
+
+def read_crs(path: Path, limits: ReadLimits) -> tuple[LasRecord, ...]:
+    """Read the records of the coordinate system; no point is decoded.
+
+    Raises
+    ------
+    CloudFileError
+        The file is damaged or of a kind that is not read; the message names the byte.
+    """
+    with path.open("rb") as file:
+        _check_header(file.read(375), path.stat().st_size, limits)
+    laspy = import_library("laspy")
+    with _translate_errors(), laspy.open(path, **_options(laspy)) as file:
+        return _crs_records(path, file.header)
 
 
 def _check_bounds(header: _PublicHeader, points: NDArray[np.float64]) -> tuple[str, ...]:
@@ -160,34 +182,101 @@ def _check_chunk_table(path: Path, offset: int, size: int) -> None:
 
 def _decode(
     path: Path, count: int, *, attributes: bool
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.generic]]]:
+) -> tuple[
+    NDArray[np.float64],
+    dict[str, NDArray[np.generic]],
+    LasMetadata | None,
+    tuple[LasRecord, ...],
+]:
     laspy = import_library("laspy")
-    logging.getLogger("laspy").setLevel(logging.CRITICAL)  # it raises what it logs
     parts: list[NDArray[np.float64]] = [np.empty((0, 3))]
     kept: dict[str, list[NDArray[np.generic]]] = {}
+    with _translate_errors(), laspy.open(path, **_options(laspy)) as file:
+        _check_chunk_size(file.header)
+        metadata = _read_metadata(file.header) if attributes else None
+        crs = _crs_records(path, file.header) if attributes else ()
+        for chunk in file.chunk_iterator(_CHUNK_POINTS):
+            parts.append(np.stack([chunk.x, chunk.y, chunk.z], axis=1))
+            for name, column in _dimensions(chunk) if attributes else ():
+                kept.setdefault(name, []).append(column)
+            if sum(map(len, parts)) >= count:
+                break
+    columns = {name: np.concatenate(chunks) for name, chunks in kept.items()}
+    return np.concatenate(parts), columns, metadata, crs
+
+
+@contextmanager
+def _translate_errors() -> Iterator[None]:
+    """Turn the errors of laspy and lazrs on damaged files into MalformedFileError."""
+    logging.getLogger("laspy").setLevel(logging.CRITICAL)  # it raises what it logs
     try:
-        with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as file:
-            _check_chunk_size(file.header)
-            for chunk in file.chunk_iterator(_CHUNK_POINTS):
-                parts.append(np.stack([chunk.x, chunk.y, chunk.z], axis=1))
-                for name in _dimensions(chunk) if attributes else ():
-                    kept.setdefault(name, []).append(np.array(chunk[name]))
-                if sum(map(len, parts)) >= count:
-                    break
+        yield
     except BaseException as error:
         # lazrs also reports damage by a PanicException, which is a BaseException
         is_decoding_error = isinstance(error, Exception) or type(error).__name__ == "PanicException"
         if not is_decoding_error or isinstance(error, (MemoryError, FileLimitError)):
             raise
         raise MalformedFileError(f"the points cannot be decoded: {short_reason(error)}") from None
-    columns = {name: np.concatenate(chunks) for name, chunks in kept.items()}
-    return np.concatenate(parts), columns
 
 
-def _dimensions(chunk: Any) -> list[str]:
-    """List the dimensions beside the coordinates that hold one number for each point."""
-    names = [name for name in chunk.point_format.dimension_names if name not in ("X", "Y", "Z")]
-    return [name for name in names if np.ndim(chunk[name]) == 1]
+def _options(laspy: Any) -> dict[str, Any]:
+    return {"laz_backend": laspy.LazBackend.Lazrs, "read_evlrs": False}
+
+
+def _dimensions(chunk: Any) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Yield the dimensions beside the coordinates; of those with several numbers each of them."""
+    for name in chunk.point_format.dimension_names:
+        if name in ("X", "Y", "Z"):
+            continue
+        column = np.array(chunk[name])
+        if column.ndim == 1:
+            yield name, column
+        else:
+            yield from ((f"{name}_{i}", column[:, i]) for i in range(column.shape[1]))
+
+
+def _read_metadata(header: Any) -> LasMetadata:
+    time_type = header.global_encoding.gps_time_type
+    records = tuple(filter(lambda record: record.is_kept, _records(header)))
+    scale = float(np.abs(header.scales).min())
+    return LasMetadata(
+        str(header.version),
+        int(header.point_format.id),
+        scale if np.isfinite(scale) and scale > 0 else None,
+        time_type.name == "STANDARD",
+        records if sum(len(record.data) for record in records) <= _MAX_RECORD_BYTES else (),
+        {item.name: str(item.description) for item in header.point_format.extra_dimensions},
+    )
+
+
+def _records(header: Any) -> Iterator[LasRecord]:
+    for item in header.vlrs:
+        data = bytes(item.record_data_bytes())
+        yield LasRecord(str(item.user_id), int(item.record_id), str(item.description), data)
+
+
+def _crs_records(path: Path, header: Any) -> tuple[LasRecord, ...]:
+    """Return the records of the coordinate system, also those after the points."""
+    extended = _extended_records(path) if str(header.version) == "1.4" else ()
+    return tuple(item for item in (*_records(header), *extended) if item.is_crs)
+
+
+def _extended_records(path: Path) -> Iterator[LasRecord]:
+    """Read the records after the points of LAS 1.4 that describe the coordinate system."""
+    with path.open("rb") as file:
+        head = file.read(247)
+        offset, count = struct.unpack_from("<QI", head, 235)
+        for _ in range(min(count, _MAX_EXTENDED)):
+            file.seek(offset)
+            entry = file.read(_EVLR_BYTES)
+            if len(entry) < _EVLR_BYTES:
+                return
+            user, kind, length, text = struct.unpack("<2x16sHQ32s", entry)
+            names = [name.split(b"\0")[0].decode("latin1") for name in (user, text)]
+            record = LasRecord(names[0], kind, names[1], b"")
+            if record.is_crs and length <= _MAX_RECORD_BYTES:
+                yield replace(record, data=file.read(length))
+            offset += _EVLR_BYTES + length
 
 
 def _check_chunk_size(header: object) -> None:

@@ -17,6 +17,7 @@ from typing import IO, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.colors import RGB
 from service.formats.column_names import find_normals, find_xyz
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import (
@@ -29,10 +30,16 @@ from service.formats.errors import (
     missing_attribute,
     short_reason,
 )
+from service.formats.unnamed_columns import name_columns
 
 MAGIC = b"\x93NUMPY"
 _POINT_ARRAYS = ("points", "xyz", "pcd", "positions", "vertices", "arr_0")
 """Names of the array of points in an .npz, in order of preference."""
+_COLOR_ARRAYS = ("color", "colors", "colour", "colours", "rgb")
+_MAX_ARRAYS = 64
+"""Arrays beside the points that are kept."""
+_MAX_PARTS = 64
+"""Numbers of an array for each point that are kept."""
 _MAX_MEMBERS = 1000
 _HEADER_ERRORS = (
     ValueError,
@@ -60,10 +67,12 @@ _MIN_ALLOWED_BYTES = 1 << 20
 """Expanded bytes that are allowed whatever the ratio; ratios of small files say nothing."""
 
 
-def read_npy(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedCloud:
+def read_npy(
+    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read an (N, 3 or more) or (H, W, 3) array, or a structured one with the fields x, y, z.
 
-    `weights` names a field to keep as an attribute.
+    `weights` names a field to keep as an attribute, `attributes` keeps all fields and columns.
 
     Raises
     ------
@@ -73,14 +82,19 @@ def read_npy(path: Path, limits: ReadLimits, weights: str | None = None) -> Deco
     with path.open("rb") as file:
         array = _read_array(file, path.stat().st_size, "the array", limits)
     cloud = _to_cloud(array, "npy")
+    if attributes:
+        cloud = replace(cloud, warnings=(), attributes=_all_fields(array, len(cloud.points)))
     return cloud if weights is None else _with_attribute(cloud, weights, _extra_fields(array))
 
 
-def read_npz(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedCloud:
+def read_npz(
+    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read the array called points, xyz, ..., or the only one, and the array "normals".
 
-    `weights` names an array, or a field of the array of points, to keep as an attribute. The zip
-    directory is checked before anything is expanded.
+    `weights` names an array, or a field of the array of points, to keep as an attribute;
+    `attributes` keeps all arrays with one number or three for each point. The zip directory is
+    checked before anything is expanded.
 
     Raises
     ------
@@ -102,13 +116,25 @@ def read_npz(path: Path, limits: ReadLimits, weights: str | None = None) -> Deco
         known = _extra_fields(array) | dict.fromkeys(sorted(set(arrays) - {name, "normals"}))
         if weights is not None and weights in arrays:
             known[weights] = _read_member(archive, arrays[weights], limits)
+        kept = _all_fields(array, len(cloud.points)) if attributes else {}
+        used = {name, "normals", weights}
+        others = sorted(set(arrays) - {name, "normals"}) if attributes else []
+        for other in others[:_MAX_ARRAYS]:
+            member = _read_member(archive, arrays[other], limits)
+            columns = _array_columns(other, member, len(cloud.points))
+            kept |= columns
+            used |= {other} if columns else set()
     if normals is not None and len(normals) != len(cloud.points):
         raise MalformedFileError(
             f"the archive has {len(normals)} normals for {len(cloud.points)} points"
         )
-    ignored = sorted(set(arrays) - {name, "normals", weights})
-    warnings = (f"{len(ignored)} arrays beside {name!r} are ignored",) if ignored else ()
-    cloud = DecodedCloud(cloud.points, "npz", cloud.warnings + warnings, normals)
+    ignored = sorted(set(arrays) - used)
+    warnings: tuple[str, ...] = ()
+    if ignored:
+        warnings = (f"{len(ignored)} arrays beside {name!r} are ignored",)
+    if not attributes:
+        warnings = cloud.warnings + warnings
+    cloud = DecodedCloud(cloud.points, "npz", warnings, normals, attributes=kept)
     return cloud if weights is None else _with_attribute(cloud, weights, known)
 
 
@@ -132,7 +158,36 @@ def _with_attribute(
             f"attribute {name[:40]!r} has type {column.dtype} and shape {column.shape}; expected"
             f" one number for each of the {len(cloud.points)} points"
         )
-    return replace(cloud, attributes={name: column.astype(np.float64)})
+    return replace(cloud, attributes=cloud.attributes | {name: column.astype(np.float64)})
+
+
+def _all_fields(array: NDArray[np.generic], count: int) -> dict[str, NDArray[np.generic]]:
+    """Return the fields, or the columns after the third, that hold one number for each point."""
+    if array.dtype.names:
+        fields: dict[str, NDArray[np.generic]] = {}
+        for name, column in _extra_fields(array).items():
+            if column is not None:
+                fields |= _array_columns(name, column, count)
+        return fields
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
+        return {}
+    return name_columns(array[:, 3:], 4)
+
+
+def _array_columns(
+    name: str, array: NDArray[np.generic], count: int
+) -> dict[str, NDArray[np.generic]]:
+    """Return an array of one number or a few for each point as columns; else nothing."""
+    if array.dtype.kind not in "biuf" or array.shape[:1] != (count,):
+        return {}
+    native = array.astype(array.dtype.newbyteorder("="))
+    if array.ndim == 1:
+        return {name: native}
+    if array.ndim != 2 or array.shape[1] > _MAX_PARTS:
+        return {}
+    if array.shape[1] == 3 and name.lower() in _COLOR_ARRAYS:
+        return dict(zip(RGB, native.T, strict=True))
+    return {f"{name}:{i}": native[:, i] for i in range(array.shape[1])}
 
 
 def _choose_array(arrays: dict[str, zipfile.ZipInfo], members: int) -> str:

@@ -15,6 +15,8 @@ from service.formats.numerals import is_number
 from service.formats.text_table import read_columns
 
 _HEADER_LINES = 10
+_COLUMNS = {4: ("intensity",), 7: ("intensity", "red", "green", "blue")}
+"""Attributes by the number of fields in a row."""
 _MAX_SCANS = 1000
 _MAX_HEADER_BYTES = 4096
 """Bytes that the ten lines of a header may have."""
@@ -53,11 +55,13 @@ def sniff(head: bytes) -> bool:
     return _parse_header(head) is not None
 
 
-def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
+def read(
+    path: Path, limits: ReadLimits, scan: int | None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read a scan (counted from 0) or all scans, moved by their matrices.
 
     The matrices of the file multiply row vectors from the right. Points at (0, 0, 0) are missing
-    returns and become NaN.
+    returns and become NaN. `attributes` adds the intensity, and the colour where it is there.
 
     Raises
     ------
@@ -65,6 +69,7 @@ def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
         The file is damaged or has no such scan; the message names the line.
     """
     scans: list[NDArray[np.float64]] = []
+    names: tuple[str, ...] = ()
     offset, line, size = 0, 1, path.stat().st_size
     while offset < size:
         with path.open("rb") as file:
@@ -84,11 +89,32 @@ def read(path: Path, limits: ReadLimits, scan: int | None) -> DecodedCloud:
         check_count(total, 0, 0, f"line {line}", limits)
         check_count(count, 6, size - offset, f"line {line}", limits)
         offset, line = offset + header.size, line + _HEADER_LINES
-        points = read_columns(path, offset, line, (0, 1, 2), limits, rows=count)
-        scans.append(_transform(points, header.matrix))
+        fields = _count_fields(path, offset) if attributes else 3
+        found = _COLUMNS.get(fields, ())
+        names = found if not scans else tuple(name for name in names if name in found)
+        columns = range(3 + len(found))
+        table = read_columns(path, offset, line, columns, limits, rows=count)
+        scans.append(np.hstack([_transform(table[:, :3], header.matrix), table[:, 3:]]))
         offset, line = _skip_lines(path, offset, count), line + count
     wanted, warnings = select_scans(len(scans), scan)
-    return DecodedCloud(np.concatenate([scans[i] for i in wanted]), "ptx", warnings)
+    width = 3 + len(names)
+    merged = np.concatenate([scans[i][:, :width] for i in wanted])
+    kept = {name: _to_own_type(name, merged[:, 3 + i]) for i, name in enumerate(names)}
+    return DecodedCloud(merged[:, :3], "ptx", warnings, attributes=kept)
+
+
+def _count_fields(path: Path, offset: int) -> int:
+    """Count the fields of a row: x, y, z, intensity, and perhaps red, green, blue."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        return len(file.readline(_MAX_HEADER_BYTES).split())
+
+
+def _to_own_type(name: str, column: NDArray[np.float64]) -> NDArray[np.generic]:
+    if name == "intensity":
+        return column.astype(np.float32)
+    is_byte = bool(((column >= 0) & (column <= 255) & (column == np.rint(column))).all())
+    return column.astype(np.uint8) if is_byte else column
 
 
 def _transform(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:

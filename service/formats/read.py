@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from service.formats import las
 from service.formats.archives import expand_archive
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
@@ -17,6 +18,7 @@ from service.formats.errors import (
 )
 from service.formats.foreign import foreign_format
 from service.formats.kitti import are_float_rows
+from service.formats.las_metadata import LasRecord
 from service.formats.registry import FORMATS, Format, ReadChoice
 
 SNIFFED_BYTES = 4096
@@ -76,7 +78,7 @@ def read_points(
         Name of the attribute that holds the weight of each point: of PLY, PCD, LAS and LAZ, of
         text with named columns, a field of an NPY, or an array or field of an NPZ.
     attributes
-        Keep the other columns of PLY, PCD, LAS and LAZ.
+        Keep the other columns, the faces of meshes, and what LAS says beside its points.
 
     Returns
     -------
@@ -104,7 +106,7 @@ def read_points(
     choices: ReadChoices = {
         "scan": scan,
         "surface_samples": surface_samples,
-        "attributes": attributes or weights is not None,
+        "attributes": attributes,
         "weights": weights,
     }
     cloud = _read(found, path, limits or ReadLimits(), choices)
@@ -112,8 +114,26 @@ def read_points(
         return cloud
     if weights not in cloud.attributes:
         raise missing_attribute(weights, cloud.attributes)
-    kept = cloud.attributes if attributes else {}
-    return replace(cloud, weights=cloud.attributes[weights], attributes=kept)
+    column = cloud.attributes[weights]
+    if attributes:
+        return replace(cloud, weights=column)
+    return replace(cloud, weights=column, attributes={}, faces=None, las=None, crs=())
+
+
+def read_crs(path: Path, limits: ReadLimits | None = None) -> tuple[LasRecord, ...]:
+    """Read the records of the coordinate system of a LAS or LAZ file; none of other formats.
+
+    Raises
+    ------
+    CloudFileError
+        The file is damaged.
+    """
+    limits = limits or ReadLimits()
+    format = _detect(path)
+    if format.read is None or format.is_archive(path):
+        with expand_archive(path, limits) as inner:
+            return las.read_crs(inner, limits) if _detect(inner).read is las.read else ()
+    return las.read_crs(path, limits) if format.read is las.read else ()
 
 
 def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) -> DecodedCloud:
@@ -132,8 +152,11 @@ def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) 
             raise MalformedFileError(
                 f"{name} is set, but the file is of format {format.name}, which has no {name}"
             )
+    chosen = {name: choices[name] for name in format.choices}
+    if choices["weights"] is not None and "weights" not in format.choices:
+        chosen["attributes"] = True
     try:
-        return format.read(path, limits, **{name: choices[name] for name in format.choices})
+        return format.read(path, limits, **chosen)
     except CloudFileError as error:
         raise type(error)(f"read as {format.name}: {error}") from None
 

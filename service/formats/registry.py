@@ -75,7 +75,7 @@ FORMATS = (
         (".e57",),
         _starts_with(e57.MAGIC),
         e57.read,
-        ("scan",),
+        ("scan", "attributes"),
     ),
     Format(
         "ptx",
@@ -83,7 +83,7 @@ FORMATS = (
         (".ptx",),
         ptx.sniff,
         ptx.read,
-        ("scan",),
+        ("scan", "attributes"),
     ),
     Format(
         "npy",
@@ -91,7 +91,7 @@ FORMATS = (
         (".npy",),
         _starts_with(npy.MAGIC),
         npy.read_npy,
-        ("weights",),
+        ("weights", "attributes"),
     ),
     Format(
         "gltf",
@@ -99,7 +99,7 @@ FORMATS = (
         (".glb", ".gltf"),
         gltf.sniff,
         mesh.read_gltf,
-        ("surface_samples",),
+        ("surface_samples", "attributes"),
     ),
     Format(
         "stl",
@@ -107,7 +107,7 @@ FORMATS = (
         (".stl",),
         mesh.sniff_stl,
         mesh.read_stl,
-        ("surface_samples",),
+        ("surface_samples", "attributes"),
     ),
     Format(
         "obj",
@@ -115,7 +115,7 @@ FORMATS = (
         (".obj",),
         mesh_text.sniff_obj,
         mesh.read_obj,
-        ("surface_samples",),
+        ("surface_samples", "attributes"),
     ),
     Format(
         "off",
@@ -123,7 +123,7 @@ FORMATS = (
         (".off",),
         mesh_text.sniff_off,
         mesh.read_off,
-        ("surface_samples",),
+        ("surface_samples", "attributes"),
     ),
     Format(
         "zip",
@@ -132,7 +132,7 @@ FORMATS = (
         (".npz", ".zip"),
         _starts_with(archives.ZIP_MAGIC),
         npy.read_npz,
-        ("weights",),
+        ("weights", "attributes"),
         is_archive=archives.is_single_file_zip,
     ),
     Format(
@@ -148,7 +148,7 @@ FORMATS = (
         (".xyz", ".txt", ".csv", ".pts", ".asc"),
         xyz.sniff,
         xyz.read,
-        ("weights",),
+        ("weights", "attributes"),
     ),
     Format(
         "kitti",
@@ -156,5 +156,6 @@ FORMATS = (
         (".bin",),
         None,
         kitti.read,
+        ("attributes",),
     ),
 )

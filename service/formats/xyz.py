@@ -15,6 +15,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
+from service.formats.numerals import is_number
 from service.formats.text_layout import BYTE_ORDER_MARK, TextLayout, detect_layout
 from service.formats.text_table import (
     Dialect,
@@ -23,6 +24,7 @@ from service.formats.text_table import (
     read_columns,
     read_head_lines,
 )
+from service.formats.unnamed_columns import name_columns
 
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
@@ -43,10 +45,12 @@ def sniff(head: bytes) -> bool:
         return True  # the columns have other names: the reader reports them
 
 
-def read(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedCloud:
+def read(
+    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read the columns x, y, z (by name, else the first three), and named normals.
 
-    `weights` names a column to keep as an attribute.
+    `weights` names a column to keep as an attribute, `attributes` keeps all columns of numbers.
 
     Raises
     ------
@@ -73,8 +77,49 @@ def read(path: Path, limits: ReadLimits, weights: str | None = None) -> DecodedC
     if not ends_with_newline(path):
         warnings += ("the last line has no line end: its last number may have been cut",)
     normals = table[:, 3:6] if layout.normals else None
-    kept: dict[str, NDArray[np.generic]] = {} if weights is None else {weights: table[:, -1]}
+    kept: dict[str, NDArray[np.generic]] = {}
+    if attributes:
+        kept, more = _read_attributes(path, lines, layout, limits)
+        warnings += more
+    if weights is not None:
+        kept[weights] = table[:, -1]
     return DecodedCloud(table[:, :3], "xyz", warnings, normals, attributes=kept)
+
+
+def _read_attributes(
+    path: Path, lines: list[str], layout: TextLayout, limits: ReadLimits
+) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
+    """Read the columns beside the coordinates, and warn of those that hold no numbers."""
+    fields = lines[layout.first_row].strip().split(layout.delimiter)
+    places = layout.others or {
+        f"column_{place + 1}": place
+        for place, word in enumerate(fields)
+        if place not in layout.xyz and is_number(word.strip(' "').replace(",", "."))
+    }
+    lost = len(fields) - 3 - len(places)
+    warnings = (f"{lost} columns without numbers are not kept",) if lost > 0 else ()
+    if not places:
+        return {}, warnings
+    try:
+        table, _ = _read_table(path, lines, layout, tuple(places.values()), limits)
+    except CloudFileError as error:
+        return {}, (f"the columns beside the coordinates are not kept: {error}",)
+    if layout.others:
+        return {name: _narrow(table[:, i]) for i, name in enumerate(places)}, warnings
+    if layout.count is not None and table.shape[1] in (1, 4):  # PTS
+        named = {"intensity": table[:, 0]} | name_columns(table[:, 1:], 5)
+    else:
+        named = name_columns(table, 4)
+    return {name: _narrow(column) for name, column in named.items()}, warnings
+
+
+def _narrow(column: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return whole numbers as int32, if all are."""
+    if column.dtype != np.float64 or not np.isfinite(column).all():
+        return column
+    whole = column.astype(np.int64)
+    fit = (whole == column).all() and (np.abs(column) < 2**31).all()
+    return whole.astype(np.int32) if fit else column
 
 
 def _read_table(

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from service.clouds.inputs import CloudInput
-from service.clouds.transform import merge_clouds, transform_cloud
-from service.formats import DecodedCloud, read_points, write_cloud
+from service.clouds.transform import adopt_crs, merge_clouds, transform_cloud
+from service.formats import DecodedCloud, read_crs, read_points, write_cloud
 from service.storage.blobs import blob_path
-from service.workers.messages import Exported
+from service.workers.messages import MAX_WARNINGS, Exported, clip
 from service.workers.progress import ProgressReport
 from service.workers.task import Task
 
@@ -23,8 +23,10 @@ class ExportAligned(Task):
     transform: list[list[float]]
     """Pose of the source in the target's frame, (4, 4)."""
     source: CloudInput
-    target: CloudInput | None
-    """The cloud to be appended, if any."""
+    target: CloudInput
+    """The cloud in whose frame the source is written."""
+    is_merged: bool
+    """Whether the target is appended."""
     format: str
     """A key of service.formats.WRITERS."""
 
@@ -36,8 +38,7 @@ class ExportAligned(Task):
     @property
     def readable(self) -> list[Path]:
         """The clouds."""
-        clouds = [self.source] if self.target is None else [self.source, self.target]
-        return [self._path(cloud) for cloud in clouds]
+        return [self._path(cloud) for cloud in (self.source, self.target)]
 
     def perform(self, report: ProgressReport) -> Exported:
         """Decode, transform, write.
@@ -48,10 +49,13 @@ class ExportAligned(Task):
             A file cannot be read with its attributes.
         """
         cloud = transform_cloud(self._decode(self.source), np.array(self.transform))
-        if self.target is not None:
+        if self.is_merged:
             cloud = merge_clouds(cloud, self._decode(self.target))
-        write_cloud(self.output, self.format, cloud.points, cloud.attributes)
-        return Exported()
+        crs = read_crs(self._path(self.target), self.environment.read_limits)
+        cloud = adopt_crs(cloud, crs)
+        written = write_cloud(self.output, self.format, cloud)
+        warnings = [clip(text) for text in dict.fromkeys(cloud.warnings + written)]
+        return Exported(warnings[:MAX_WARNINGS])
 
     def _decode(self, cloud: CloudInput) -> DecodedCloud:
         limits = self.environment.read_limits

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from service.jobs.model import JobRow
@@ -43,6 +44,15 @@ class ExportError(ServiceError):
         self.problem = ProblemType(problem.status, slug, problem.title)
 
 
+@dataclass(frozen=True, slots=True)
+class AlignedFile:
+    """A written file."""
+
+    path: Path
+    warnings: tuple[str, ...]
+    """What the format could not hold."""
+
+
 class Exporter:
     """Writes aligned clouds, each in a child process."""
 
@@ -57,7 +67,7 @@ class Exporter:
     @contextmanager
     def export(
         self, job: JobRow, transform: list[list[float]], *, format: str, merged: bool
-    ) -> Iterator[Path]:
+    ) -> Iterator[AlignedFile]:
         """Write the source of a registration in its target's frame.
 
         Parameters
@@ -73,7 +83,7 @@ class Exporter:
 
         Yields
         ------
-        Path
+        AlignedFile
             The file, which is removed when the context ends.
 
         Raises
@@ -92,11 +102,10 @@ class Exporter:
             environment = TaskEnvironment.create(
                 job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self._settings
             )
-            target = job.target if merged else None
-            task = ExportAligned(environment, transform, job.source, target, format)
+            task = ExportAligned(environment, transform, job.source, job.target, merged, format)
             with job_context(job.id), self._turn():
-                self._perform(task)
-            yield task.output
+                warnings = self._perform(task)
+            yield AlignedFile(task.output, tuple(warnings))
 
     def stop(self) -> None:
         """Kill the running exports and refuse those that wait."""
@@ -123,7 +132,8 @@ class Exporter:
                 self._running -= 1
                 self._changed.notify_all()
 
-    def _perform(self, task: ExportAligned) -> None:
+    def _perform(self, task: ExportAligned) -> list[str]:
+        """Let a child write the file; return its warnings."""
         try:
             with self._child() as child:
                 answer = _await_answer(child, task, self._settings.job_timeout_s)
@@ -135,6 +145,7 @@ class Exporter:
             raise ExportError(answer.problem)
         if not is_plain_file(task.output):
             raise WorkerLostError("The file could not be written: it is missing.")
+        return answer.warnings if isinstance(answer, Exported) else []
 
     @contextmanager
     def _child(self) -> Iterator[Child]:

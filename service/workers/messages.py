@@ -9,7 +9,7 @@ each to one kind of task, or Failed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
@@ -110,6 +110,8 @@ class Exported:
     """The file is written."""
 
     __pydantic_config__ = _STRICT
+    warnings: Annotated[list[Text], Field(max_length=MAX_WARNINGS)] = field(default_factory=list)
+    """What the format could not hold."""
     kind: Literal["exported"] = "exported"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import AsyncIterator
 from contextlib import AbstractContextManager, ExitStack
-from pathlib import Path
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Request
@@ -21,11 +20,14 @@ from service.jobs.fingerprint import hash_json
 from service.jobs.model import JobRow
 from service.problems import ExpiredError, ResultNotReadyError
 from service.runtime import Runtime
-from service.workers.exporter import MAX_RUNNING
+from service.workers.exporter import MAX_RUNNING, AlignedFile
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 FILE = "application/octet-stream"
+_MAX_WARNING_LENGTH = 400
+_MAX_HEADER_LENGTH = 4000
+"""Characters of a header; proxies allow about 8,000 for all."""
 _EXPORTS = OwnThreads(MAX_RUNNING)
 Merged = Annotated[
     bool,
@@ -39,28 +41,29 @@ async def _export(
     runtime: CurrentRuntime,
     caller: CurrentCaller,
     format: Annotated[
-        Literal["ply", "pcd", "laz", "npy"], Query(description="Format of the file.")
+        Literal["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"],
+        Query(description="Format of the file; STL needs a source with faces."),
     ] = "ply",
     merged: Merged = False,
-) -> AsyncIterator[Path]:
+) -> AsyncIterator[AlignedFile]:
     """Write the file, count it as stored, and remove it once the response has been sent."""
     export = await run_in_threadpool(_prepare, job, runtime, format, merged)
     with ExitStack() as file:
         await unless_disconnected(request, runtime.export_gate.acquire(job.tenant))
         try:
-            path = await _EXPORTS.run(lambda: file.enter_context(export))
+            written = await _EXPORTS.run(lambda: file.enter_context(export))
         finally:
             runtime.export_gate.release(job.tenant)
         try:
-            await run_in_threadpool(file.enter_context, count_file(runtime, caller, path))
-            yield path
+            await run_in_threadpool(file.enter_context, count_file(runtime, caller, written.path))
+            yield written
         finally:
             await run_in_threadpool(file.close)
 
 
 def _prepare(
     job: JobRow, runtime: Runtime, format: str, merged: bool
-) -> AbstractContextManager[Path]:
+) -> AbstractContextManager[AlignedFile]:
     if job.status != "succeeded":
         raise ResultNotReadyError(
             f"The registration is {job.status}; only a result can be applied."
@@ -82,19 +85,33 @@ def _prepare(
     responses={
         200: {
             "content": {FILE: {"schema": {"type": "string", "format": "binary"}}},
-            "description": "The moved source, in the order of its file. Attributes of PLY, PCD, "
-            "LAS and LAZ files are kept as far as the format can hold them, normals are turned.",
+            "description": "The moved source, in the order of its file. Attributes and faces are "
+            "kept as far as the format can hold them; normals, velocities and Gaussian splats are "
+            "turned.",
+            "headers": {
+                "X-Warnings": {
+                    "description": "What the format cannot hold, as a JSON array of texts.",
+                    "schema": {"type": "string"},
+                }
+            },
         }
     },
 )
 def aligned(
-    job: RequestedJob, path: Annotated[Path, Depends(_export)], merged: Merged = False
+    job: RequestedJob, file: Annotated[AlignedFile, Depends(_export)], merged: Merged = False
 ) -> DownloadResponse:
     """Write the file on demand, in a process of its own."""
-    tag = hash_json([job.work_key, job.result_sha256, path.name, merged])
-    return DownloadResponse(
-        path,
-        media_type=FILE,
-        filename=f"{job.id}-{path.name}",
-        headers={"ETag": f'W/"{tag}"'},  # weak: LAS files hold the day on which they were made
-    )
+    tag = hash_json([job.work_key, job.result_sha256, file.path.name, merged])
+    headers = {"ETag": f'W/"{tag}"'}  # weak: LAS and E57 files hold the day, or an identifier
+    if file.warnings:
+        headers["X-Warnings"] = _render_warnings(file.warnings)
+    name = f"{job.id}-{file.path.name}"
+    return DownloadResponse(file.path, media_type=FILE, filename=name, headers=headers)
+
+
+def _render_warnings(warnings: tuple[str, ...]) -> str:
+    """Return a JSON array in ASCII, short enough for a header of HTTP."""
+    kept = [warning[:_MAX_WARNING_LENGTH] for warning in warnings]
+    while len(text := json.dumps(kept)) > _MAX_HEADER_LENGTH:
+        kept = kept[:-1]
+    return text

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.colors import RGB
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import (
     FileLimitError,
@@ -17,6 +19,7 @@ from service.formats.errors import (
     TruncatedFileError,
     short_reason,
 )
+from service.formats.faces import check_faces
 from service.formats.libraries import import_library
 from service.formats.mesh import text as mesh_text
 from service.formats.mesh.gltf import check_gltf
@@ -47,43 +50,63 @@ def sniff_stl(head: bytes) -> bool:
     return bool(plausible.all() and (floats[:, 3:] != 0).any())
 
 
-def read_stl(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
+def read_stl(
+    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read an STL file: its corners, equal ones merged, or surface samples."""
     _check_stl(path, limits)
-    return _read_mesh(path, limits, "stl", surface_samples)
+    return _read_mesh(path, limits, "stl", surface_samples, attributes=attributes)
 
 
-def read_obj(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
+def read_obj(
+    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read an OBJ file: the vertices in the order of the file, or surface samples."""
-    vertices = mesh_text.read_obj(path, limits)
+    vertices = mesh_text.read_obj(path, limits, attributes=attributes)
     return vertices if surface_samples is None else _read_mesh(path, limits, "obj", surface_samples)
 
 
-def read_off(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
+def read_off(
+    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read an OFF file: the vertices in the order of the file, or surface samples."""
-    vertices = mesh_text.read_off(path, limits)
+    vertices = mesh_text.read_off(path, limits, attributes=attributes)
     return vertices if surface_samples is None else _read_mesh(path, limits, "off", surface_samples)
 
 
-def read_gltf(path: Path, limits: ReadLimits, surface_samples: int | None) -> DecodedCloud:
+def read_gltf(
+    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
+) -> DecodedCloud:
     """Read the meshes of a glTF 2.0 file (.glb, or .gltf with embedded data), placed by nodes."""
     kind = check_gltf(path, limits)
-    return _read_mesh(path, limits, kind, surface_samples)
+    return _read_mesh(path, limits, kind, surface_samples, attributes=attributes)
 
 
 def _read_mesh(
-    path: Path, limits: ReadLimits, kind: str, surface_samples: int | None
+    path: Path,
+    limits: ReadLimits,
+    kind: str,
+    surface_samples: int | None,
+    *,
+    attributes: bool = False,
 ) -> DecodedCloud:
     name = "gltf" if kind == "glb" else kind
-    vertices, faces = _load(path, kind)
+    vertices, faces, kept = _load(path, kind)
     if len(vertices) == 0:
         raise MalformedFileError("the mesh has no vertices")
     check_count(len(vertices), 0, 0, "the vertices", limits)
     if surface_samples is None:
-        points = _unique_rows(vertices) if kind == "stl" else vertices
-        return DecodedCloud(
+        points = vertices
+        if kind == "stl":
+            points, places = _unique_rows(vertices)
+            faces = places[faces]
+        cloud = DecodedCloud(
             points, name, ("the vertices are read; set 'surface_samples' to sample the surface",)
         )
+        if not attributes:
+            return cloud
+        faces = check_faces(faces, len(points))
+        return replace(cloud, attributes=kept, faces=faces if len(faces) else None)
     if surface_samples > limits.max_points:
         raise FileLimitError(
             f"surface_samples is {surface_samples}; the limit is {limits.max_points} points"
@@ -92,10 +115,13 @@ def _read_mesh(
     return DecodedCloud(points, name, (), normals)
 
 
-def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Load the vertices (V, 3) and triangles (T, 3) of all parts, placed in the scene."""
+def _load(
+    path: Path, kind: str
+) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, NDArray[np.generic]]]:
+    """Load vertices (V, 3), triangles (T, 3) and attributes of all parts, placed in the scene."""
     trimesh = import_library("trimesh")
     vertices, faces = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+    attributes: list[dict[str, NDArray[np.generic]]] = []
     try:
         scene: Any = trimesh.load_scene(
             io.BytesIO(path.read_bytes()),
@@ -109,17 +135,40 @@ def _load(path: Path, kind: str) -> tuple[NDArray[np.float64], NDArray[np.int64]
                 corners = np.asarray(part.faces, np.int64).reshape(-1, 3)
                 faces.append(corners + sum(map(len, vertices)))
             vertices.append(np.asarray(part.vertices, np.float64).reshape(-1, 3))
+            attributes.append(_part_attributes(part, len(vertices[-1])))
     except MemoryError:
         raise
     except Exception as error:  # noqa: BLE001  trimesh raises nearly anything on damaged files
         raise MalformedFileError(f"the mesh cannot be read: {short_reason(error)}") from None
-    return np.concatenate(vertices), np.concatenate(faces)
+    names = [name for name in attributes[0] if all(name in part for part in attributes)]
+    kept = {name: np.concatenate([part[name] for part in attributes]) for name in names}
+    return np.concatenate(vertices), np.concatenate(faces), kept
 
 
-def _unique_rows(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Remove repeated rows; the first of each is kept, in order."""
-    _, first = np.unique(vertices, axis=0, return_index=True)
-    return vertices[np.sort(first)]
+def _part_attributes(part: Any, count: int) -> dict[str, NDArray[np.generic]]:
+    """Return the colours and the attributes of one number for each vertex."""
+    found: dict[str, NDArray[np.generic]] = {}
+    if part.visual.kind == "vertex" and len(part.visual.vertex_colors) == count:
+        found |= dict(zip(RGB, np.asarray(part.visual.vertex_colors).T[:3], strict=True))
+    for name, column in getattr(part, "vertex_attributes", {}).items():
+        values = np.asarray(column)
+        if values.shape in ((count,), (count, 1)) and values.dtype.kind in "biuf":
+            found[str(name).removeprefix("_")] = values.reshape(-1)
+    return found
+
+
+def _unique_rows(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Remove repeated rows; the first of each is kept, in order.
+
+    Returns
+    -------
+    tuple[NDArray[np.float64], NDArray[np.int64]]
+        The rows, and the place of each given row among them.
+    """
+    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    places = np.empty(len(first), np.int64)
+    places[np.argsort(first)] = np.arange(len(first))
+    return vertices[np.sort(first)], places[inverse.ravel()]
 
 
 def _sample_surface(

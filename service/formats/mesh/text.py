@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
+from service.formats.mesh.text_faces import read_obj_attributes, read_off_faces
 from service.formats.numerals import significant_line
 from service.formats.text_table import Dialect, read_columns, read_head_lines
 
@@ -31,8 +33,8 @@ def sniff_off(head: bytes) -> bool:
     return bool(words) and _OFF_WORD.fullmatch(words[0]) is not None and words[1:2] != ["BINARY"]
 
 
-def read_obj(path: Path, limits: ReadLimits) -> DecodedCloud:
-    """Read the lines "v x y z ..." of an OBJ file.
+def read_obj(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
+    """Read the lines "v x y z ..." of an OBJ file; `attributes` adds colours and faces.
 
     Raises
     ------
@@ -42,11 +44,13 @@ def read_obj(path: Path, limits: ReadLimits) -> DecodedCloud:
     points = read_columns(path, 0, 1, (1, 2, 3), limits, dialect=Dialect(keyword="v"))
     if len(points) == 0:
         raise MalformedFileError("no line begins with 'v'; expected lines 'v x y z'")
-    return DecodedCloud(points, "obj")
+    if not attributes:
+        return DecodedCloud(points, "obj")
+    return replace(read_obj_attributes(path, len(points), limits), points=points)
 
 
-def read_off(path: Path, limits: ReadLimits) -> DecodedCloud:
-    """Read the vertices of an OFF file.
+def read_off(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
+    """Read the vertices of an OFF file; `attributes` adds its faces.
 
     Raises
     ------
@@ -71,4 +75,7 @@ def read_off(path: Path, limits: ReadLimits) -> DecodedCloud:
     offset, count = sum(len(line) + 1 for line in lines[:number]), int(counts[0])
     check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
     points = read_columns(path, offset, number + 1, (0, 1, 2), limits, rows=count)
-    return DecodedCloud(points, "off")
+    if not attributes:
+        return DecodedCloud(points, "off")
+    faces, warnings = read_off_faces(path, offset, count, int(counts[1]))
+    return DecodedCloud(points, "off", warnings, faces=faces)

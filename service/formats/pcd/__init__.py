@@ -22,6 +22,8 @@ from service.formats.pcd.header import PcdHeader, parse_header
 from service.formats.text_table import ends_with_newline, read_columns
 
 _FIRST_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
+_MAX_ATTRIBUTES = 400
+"""Numbers beside the coordinates that are kept; descriptors (SHOT) have up to 352."""
 _MAX_LZF_RATIO = 88
 """Ratio of expanded to compressed bytes: LZF expands 3 bytes to at most 264."""
 
@@ -49,26 +51,27 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
             f"FIELDS {' '.join(header.fields)[:80]}: expected the fields x, y, z"
         )
     places = xyz + (normals or ())
-    if attributes:
-        places += _other_fields(header, places)
     if any(header.counts[i] != 1 or header.types[i][1] not in "fiu" for i in places):
         raise MalformedFileError(
             "a coordinate or normal has a COUNT other than 1; expected one number"
         )
+    fields = tuple((place, 0) for place in places)
+    if attributes:
+        fields += _other_fields(header, places)
     present = path.stat().st_size - header.size
     if header.data == "ascii":
         row_bytes = 2 * sum(header.counts)
         check_count(header.points, row_bytes, present + 1, "POINTS", limits)
-        columns, warnings = _read_ascii(path, header, places, limits)
+        columns, warnings = _read_ascii(path, header, fields, limits)
     else:
         row_bytes = 1 if header.data == "binary_compressed" else header.row.itemsize
         check_count(header.points, row_bytes, present * _max_ratio(header), "POINTS", limits)
         decode = _read_compressed if header.data == "binary_compressed" else _read_binary
-        columns, warnings = decode(map_file(path), header, places)
+        columns, warnings = decode(map_file(path), header, fields)
     dtype = _precision(header, xyz)
     kept = {
-        header.fields[place]: column.astype(header.types[place][1:])
-        for place, column in zip(places[3:], columns[3:], strict=True)
+        _field_name(header, place, part): column.astype(header.types[place][1:])
+        for (place, part), column in zip(fields[3:], columns[3:], strict=True)
     }
     return DecodedCloud(
         np.stack(columns[:3], axis=1).astype(dtype, copy=False),
@@ -80,13 +83,19 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     )
 
 
-def _other_fields(header: PcdHeader, places: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the indices of the other fields of one number whose name is unique."""
+def _other_fields(header: PcdHeader, places: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+    """Return the other fields whose name is unique: their index, and which of their numbers."""
     return tuple(
-        place
+        (place, part)
         for place, name in enumerate(header.fields)
-        if place not in places and header.counts[place] == 1 and header.fields.count(name) == 1
-    )
+        if place not in places and name != "_" and header.fields.count(name) == 1
+        for part in range(header.counts[place])
+    )[:_MAX_ATTRIBUTES]
+
+
+def _field_name(header: PcdHeader, place: int, part: int) -> str:
+    name = header.fields[place]
+    return name if header.counts[place] == 1 else f"{name}_{part}"
 
 
 def _max_ratio(header: PcdHeader) -> int:
@@ -98,10 +107,10 @@ def _precision(header: PcdHeader, xyz: tuple[int, ...]) -> type[np.floating]:
 
 
 def _read_ascii(
-    path: Path, header: PcdHeader, places: tuple[int, ...], limits: ReadLimits
+    path: Path, header: PcdHeader, fields: tuple[tuple[int, int], ...], limits: ReadLimits
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     starts = np.concatenate(([0], np.cumsum(header.counts)))
-    columns = [int(starts[place]) for place in places]
+    columns = [int(starts[place]) + part for place, part in fields]
     table = read_columns(path, header.size, header.lines + 1, columns, limits, rows=header.points)
     ended = ends_with_newline(path)
     return list(table.T), () if ended else (
@@ -110,16 +119,16 @@ def _read_ascii(
 
 
 def _read_binary(
-    content: memoryview, header: PcdHeader, places: tuple[int, ...]
+    content: memoryview, header: PcdHeader, fields: tuple[tuple[int, int], ...]
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     rows = np.frombuffer(content, header.row, header.points, header.size)
     left = len(content) - header.size - rows.nbytes
     warnings = (f"{left} bytes after the last point are ignored",) if left else ()
-    return [rows[str(place)][:, 0] for place in places], warnings
+    return [rows[str(place)][:, part] for place, part in fields], warnings
 
 
 def _read_compressed(
-    content: memoryview, header: PcdHeader, places: tuple[int, ...]
+    content: memoryview, header: PcdHeader, fields: tuple[tuple[int, int], ...]
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     lzf = import_library("lzf")
     start = header.size + 8
@@ -140,8 +149,10 @@ def _read_compressed(
     if expanded is None or len(expanded) != size:
         raise MalformedFileError(f"byte {start}: the compressed data does not give {size} bytes")
     columns = [
-        np.frombuffer(expanded, header.types[place], header.points, starts[place])
-        for place in places
+        np.frombuffer(
+            expanded, header.types[place], header.points * header.counts[place], starts[place]
+        ).reshape(header.points, -1)[:, part]
+        for place, part in fields
     ]
     left = len(content) - start - packed
     return columns, (f"{left} bytes after the last point are ignored",) if left else ()

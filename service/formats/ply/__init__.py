@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.memory_map import map_file
+from service.formats.ply.faces import read_faces, skip_lines
 from service.formats.ply.header import PlyElement, PlyHeader, parse_header
 from service.formats.ply.rows import read_rows
 from service.formats.text_table import ends_with_newline, read_columns
@@ -38,6 +39,7 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     before, vertex, after = _split_at_vertex(header)
     _check_sizes(header, path.stat().st_size, vertex, limits)
     wanted = _select_properties(vertex, attributes=attributes)
+    faces: NDArray[np.int64] | None = None
     if header.order:
         table, warnings = _read_binary(path, header, before, vertex, after, wanted)
     else:
@@ -46,12 +48,18 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     normals = table[:, 3:6].astype(dtype, copy=False) if _NORMALS[0] in wanted[3:4] else None
     types = {item.name: item.type for item in vertex.properties}
     kept = {name: table[:, i].astype(types[name]) for i, name in enumerate(wanted) if i > 2}
+    if attributes:
+        faces, more = read_faces(path, header, limits)
+        warnings += more
+        lists = ", ".join(repr(item.name[:40]) for item in vertex.properties if item.count_type)
+        warnings += (f"lists of the vertices are not kept: {lists}",) if lists else ()
     return DecodedCloud(
         table[:, :3].astype(dtype, copy=False),
         "ply",
         warnings,
         normals,
         attributes=kept if attributes else {},
+        faces=faces,
     )
 
 
@@ -131,25 +139,13 @@ def _read_ascii(
             "save the file as binary"
         )
     skipped = sum(element.count for element in before)
-    offset = _skip_lines(path, header.size, skipped, header.lines, limits)
+    offset = skip_lines(path, header.size, skipped, header.lines, limits)
     first = header.lines + skipped + 1
     table = read_columns(path, offset, first, columns, limits, rows=vertex.count)
     warnings: tuple[str, ...] = ()
     if vertex is header.elements[-1] and not ends_with_newline(path):
         warnings = ("the last line has no line end: its last number may have been cut",)
     return table, warnings
-
-
-def _skip_lines(path: Path, offset: int, count: int, line: int, limits: ReadLimits) -> int:
-    with path.open("rb") as file:
-        file.seek(offset)
-        for number in range(count):
-            if not file.readline(limits.max_line_bytes).endswith(b"\n"):
-                raise MalformedFileError(
-                    f"line {line + number + 1}: the file ends, or the line is longer than "
-                    f"{limits.max_line_bytes} bytes"
-                )
-        return file.tell()
 
 
 def _coordinate_type(vertex: PlyElement) -> np.dtype[np.floating]:

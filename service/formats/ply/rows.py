@@ -64,6 +64,34 @@ def read_rows(
     return np.concatenate(runs), offset
 
 
+def read_lists(
+    content: memoryview, offset: int, element: PlyElement, order: str, wanted: str
+) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+    """Read a list property of all rows, in runs as `read_rows` does.
+
+    Returns
+    -------
+    tuple[NDArray[np.generic], NDArray[np.int64]]
+        The numbers of all lists, one after the other, and the length of each list.
+    """
+    numbers: list[NDArray[np.generic]] = [np.empty(0, np.int64)]
+    sizes: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
+    row, longest = 0, _FIRST_RUN_ROWS
+    while row < element.count:
+        layout, lengths = _row_layout(content, offset, element, order, row)
+        fitting = (len(content) - offset) // layout.itemsize
+        if fitting == 0:
+            raise _truncated(element, row, offset)
+        rows = np.frombuffer(content, layout, min(element.count - row, longest, fitting), offset)
+        run = _count_agreeing(rows, lengths)
+        lists = rows[wanted][:run]
+        numbers.append(lists.ravel())
+        sizes.append(np.full(run, lists.shape[1]))
+        row, offset = row + run, offset + run * layout.itemsize
+        longest = 2 * run + _FIRST_RUN_ROWS
+    return np.concatenate(numbers), np.concatenate(sizes)
+
+
 def _row_layout(
     content: memoryview, offset: int, element: PlyElement, order: str, row: int
 ) -> tuple[np.dtype[np.void], dict[str, int]]:

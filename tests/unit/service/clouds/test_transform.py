@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import DTypeLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from service.clouds.transform import merge_clouds, transform_cloud
-from service.formats import DecodedCloud
+from service.clouds.transform import adopt_crs, merge_clouds, transform_cloud
+from service.formats import DecodedCloud, LasRecord
 
 RNG = np.random.default_rng(5)
 T = np.eye(4)
@@ -123,3 +124,35 @@ def test_merged_points_say_which_cloud_they_are_of() -> None:
     np.testing.assert_array_equal(merged.points, np.concatenate([source.points, target.points]))
     assert merged.attributes["cloud"].dtype == np.uint8
     assert merged.attributes["cloud"].tolist() == [0] * 50 + [1] * 20
+
+
+def test_velocities_and_the_viewpoint_turn() -> None:
+    velocity = RNG.normal(size=(50, 3))
+    cloud = cloud_of(random_points(), dict(zip(("vx", "vy", "vz"), velocity.T, strict=True)))
+    turn = Rotation.from_euler("x", 30, degrees=True)
+    viewpoint = (1.0, 2.0, 3.0, *np.roll(turn.as_quat(), 1).tolist())
+    moved = transform_cloud(replace(cloud, viewpoint=viewpoint), T)
+    turned = np.stack([moved.attributes[name] for name in ("vx", "vy", "vz")], axis=1)
+    np.testing.assert_allclose(turned, velocity @ T[:3, :3].T)
+    assert moved.viewpoint is not None
+    np.testing.assert_allclose(moved.viewpoint[:3], T[:3, :3] @ (1, 2, 3) + T[:3, 3])
+    found = Rotation.from_quat(np.roll(moved.viewpoint[3:], -1)).as_matrix()
+    np.testing.assert_allclose(found, T[:3, :3] @ turn.as_matrix(), atol=1e-12)
+
+
+def test_faces_of_both_clouds_are_merged() -> None:
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    first = replace(cloud_of(random_points()), faces=faces)
+    merged = merge_clouds(first, replace(cloud_of(random_points()), faces=faces))
+    assert merged.faces is not None
+    np.testing.assert_array_equal(merged.faces, np.concatenate([faces, faces + 50]))
+
+
+def test_the_coordinate_system_is_that_of_the_target() -> None:
+    utm = (LasRecord("LASF_Projection", 2112, "", b"UTM"),)
+    cloud = replace(cloud_of(random_points()), crs=(LasRecord("LASF_Projection", 34735, "", b""),))
+    assert adopt_crs(cloud, utm).crs == utm
+    assert adopt_crs(cloud, utm).warnings == ()
+    left = adopt_crs(cloud, ())
+    assert left.crs == ()
+    assert "coordinate system" in left.warnings[0]

@@ -62,9 +62,9 @@ def exporter(
 
 
 def export(made: Exporter, *, merged: bool = False) -> Path:
-    with made.export(new_job(), IDENTITY, format="ply", merged=merged) as path:
-        assert path.parent.exists()
-        return path
+    with made.export(new_job(), IDENTITY, format="ply", merged=merged) as file:
+        assert file.path.parent.exists()
+        return file.path
 
 
 @pytest.mark.parametrize("merged", [False, True])
@@ -76,7 +76,7 @@ def test_the_file_lasts_as_long_as_the_context(
         assert (path.name, path.parent.exists()) == ("aligned.ply", False)
         task = children.started[0].task
         assert isinstance(task, ExportAligned)
-        assert (task.output, task.target is not None) == (path, merged)
+        assert (task.output, task.is_merged) == (path, merged)
 
 
 def test_a_problem_of_the_child_is_that_of_the_export(
@@ -206,8 +206,8 @@ job = new_job(source=cloud(ply()), target=cloud(b"1 2 3\\n4 5 6\\n7 8 9\\n"))
 T = np.eye(4)
 T[:3, 3] = 1, 2, 3
 for merged in (False, True):
-    with exporter.export(job, T.tolist(), format="pcd", merged=merged) as path:
-        exported = read_points(path, attributes=True)
+    with exporter.export(job, T.tolist(), format="pcd", merged=merged) as file:
+        exported = read_points(file.path, attributes=True)
         assert np.allclose(exported.points[: len(POINTS)], POINTS + T[:3, 3], atol=1e-4)
         print(len(exported.points) - len(POINTS), "red" in exported.attributes)
 broken = replace(job, source=cloud(b"ply\\nformat ascii 1.0\\nelement vertex 5\\n"))

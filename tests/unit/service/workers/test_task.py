@@ -25,7 +25,7 @@ ENVIRONMENT = TaskEnvironment.create(
 CLOUD = CloudInput(sha256="ab" * 32, size=1)
 FETCH = FetchInputs(ENVIRONMENT, CLOUD, CLOUD, FetchPolicy.of(SETTINGS))
 REGISTER = RegisterClouds(ENVIRONMENT, CLOUD, CLOUD, {"seed": 1})
-EXPORT = ExportAligned(ENVIRONMENT, [[1.0]], CLOUD, None, "ply")
+EXPORT = ExportAligned(ENVIRONMENT, [[1.0]], CLOUD, CLOUD, False, "ply")
 
 
 @pytest.mark.parametrize("task", [FETCH, REGISTER, EXPORT], ids=lambda task: type(task).__name__)

@@ -1,0 +1,50 @@
+"""Names for columns that a file does not name."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_NORMALS = ("nx", "ny", "nz")
+_COLORS = ("red", "green", "blue")
+_UNIT_TOL = 0.01
+"""Distance from length 1 up to which three columns are a normal; files round to two digits."""
+
+
+def name_columns(table: NDArray[np.generic], first: int) -> dict[str, NDArray[np.generic]]:
+    """Name columns by their place; three unit vectors are normals, three whole bytes colours.
+
+    Parameters
+    ----------
+    table
+        (N, K) columns after the coordinates.
+    first
+        Number of the first column in the file, from 1.
+    """
+    named: dict[str, NDArray[np.generic]] = {}
+    column = 0
+    while column < table.shape[1]:
+        part = table[:, column : column + 3]
+        names = _triple_names(part) if part.shape[1] == 3 else None
+        if names is None or names[0] in named:
+            named[f"column_{first + column}"] = table[:, column]
+            column += 1
+            continue
+        kind = np.uint8 if names == _COLORS else part.dtype
+        named |= {name: part[:, i].astype(kind) for i, name in enumerate(names)}
+        column += 3
+    return named
+
+
+def _triple_names(part: NDArray[np.generic]) -> tuple[str, str, str] | None:
+    if len(part) == 0 or part.dtype.kind not in "iuf":
+        return None
+    values = part[np.isfinite(part.astype(np.float64)).all(axis=1)].astype(np.float64)
+    if len(values) == 0:
+        return None
+    lengths = np.linalg.norm(values, axis=1)
+    if (np.abs(lengths[lengths > 0] - 1) < _UNIT_TOL).all() and (lengths > 0).any():
+        is_normal = len(np.unique(values)) > 2
+        return _NORMALS if is_normal else None
+    is_byte = (values == np.rint(values)) & (values >= 0) & (values <= 255)
+    return _COLORS if is_byte.all() and values.max() > 1 and len(values) == len(part) else None

@@ -1,0 +1,63 @@
+"""Writer of binary PCD files with the names and types that PCL expects."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.formats.colors import RGB, pack_colors
+from service.formats.column_names import find_normals
+from service.formats.writers.outgoing import Columns, Outgoing, to_rows
+
+_NORMALS = ("normal_x", "normal_y", "normal_z")
+_FORBIDDEN = re.compile(r"[\s\x00-\x1f\x7f]|^_$")
+_UNMOVED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def write(path: Path, cloud: Outgoing) -> None:
+    """Write a binary PCD file; coordinates in float32, which is all that PCL and Open3D read."""
+    cloud.drop_faces()
+    cloud.use_float32()
+    cloud.use_8_bit_colors()
+    cloud.columns = _rename_normals(cloud.columns)
+    if all(name in cloud.columns for name in RGB):
+        cloud.columns["rgb"] = pack_colors(cloud.take(RGB).astype(np.uint8))
+    intensity = cloud.columns.get("intensity")
+    if intensity is not None and (intensity.astype(np.float32) == intensity).all():
+        cloud.columns["intensity"] = intensity.astype(np.float32)  # PCL's type of it
+    cloud.rename(_FORBIDDEN)
+    rows = to_rows(cloud.points, cloud.columns)
+    with path.open("wb") as file:
+        file.write(_header(rows, cloud.viewpoint or _UNMOVED).encode())
+        file.write(rows.tobytes())
+
+
+def _header(rows: NDArray[np.void], viewpoint: tuple[float, ...]) -> str:
+    names = rows.dtype.names or ()
+    codes = [rows[name].dtype.str[1:].upper() for name in names]
+    lines = [
+        "# .PCD v0.7 - Point Cloud Data file format",
+        "VERSION 0.7",
+        f"FIELDS {' '.join(names)}",
+        f"SIZE {' '.join(code[1] for code in codes)}",
+        f"TYPE {' '.join(code[0] for code in codes)}",
+        f"COUNT {' '.join('1' for _ in codes)}",
+        f"WIDTH {len(rows)}",
+        "HEIGHT 1",
+        f"VIEWPOINT {' '.join(f'{value:.17g}' for value in viewpoint)}",
+        f"POINTS {len(rows)}",
+        "DATA binary\n",
+    ]
+    return "\n".join(lines)
+
+
+def _rename_normals(columns: Columns) -> Columns:
+    names = list(columns)
+    places = find_normals(names)
+    if places is None or set(_NORMALS) & set(names):
+        return columns
+    new = dict(zip((names[i] for i in places), _NORMALS, strict=True))
+    return {new.get(name, name): column for name, column in columns.items()}
