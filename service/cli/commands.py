@@ -1,4 +1,4 @@
-"""The commands of `mpe`: align, serve, keys, doctor."""
+"""The commands of `mpe`: align, serve, keys, backup, restore, check, doctor."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from service.cli.align_arguments import (
     parse_options,
     protect_negative_numbers,
 )
+from service.cli.backup import add_backup, back_up, check, restore
 from service.cli.exit_codes import EXIT_ERROR, EXIT_OK, EXIT_USAGE
 from service.cli.keys import add_keys, run
 from service.clouds.inputs import CLOUD_ROLES
@@ -36,7 +37,15 @@ from service.settings import InvalidSettingsError, load_settings
 def run_command(arguments: Sequence[str]) -> int:
     """Parse the arguments, run the command and return its exit code."""
     parsed = _parser().parse_args(protect_negative_numbers(arguments))
-    commands = {"align": _align, "serve": _serve, "keys": _keys, "doctor": _doctor}
+    commands = {
+        "align": _align,
+        "serve": _serve,
+        "keys": _keys,
+        "backup": _copy,
+        "restore": _copy,
+        "check": _copy,
+        "doctor": _doctor,
+    }
     return commands[parsed.command](parsed)
 
 
@@ -61,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
     add_keys(commands)
+    add_backup(commands)
     commands.add_parser("doctor", help="print cores, memory and parts of the sandbox")
     return parser
 
@@ -161,6 +171,17 @@ def _keys(arguments: argparse.Namespace) -> int:
     except (ValueError, RuntimeError, OSError, NotReadyError) as error:
         return _fail(str(error), EXIT_ERROR)
     return EXIT_OK
+
+
+def _copy(arguments: argparse.Namespace) -> int:
+    actions = {"backup": back_up, "restore": restore, "check": check}
+    try:
+        is_whole = actions[arguments.command](arguments.directory, load_settings())
+    except InvalidSettingsError as error:
+        return _fail(str(error), EXIT_USAGE)
+    except (ValueError, RuntimeError, OSError, NotReadyError) as error:
+        return _fail(str(error), EXIT_ERROR)
+    return EXIT_OK if is_whole else EXIT_ERROR
 
 
 def _doctor(arguments: argparse.Namespace) -> int:

@@ -14,7 +14,14 @@ from service.database.postgres import PostgresDatabase
 from service.database.sqlite import SqliteDatabase
 
 
-class Database(Protocol):
+class ReadableDatabase(Protocol):
+    """A database that rows are read from."""
+
+    def read(self) -> AbstractContextManager[Connection]:
+        """Open a snapshot to read from."""
+
+
+class Database(ReadableDatabase, Protocol):
     """An SQL database, migrated to the schema of this release when it is opened.
 
     `read` and `write` raise NotReadyError when the database does not answer, and
@@ -24,9 +31,6 @@ class Database(Protocol):
     @property
     def poll_interval_s(self) -> float:
         """Seconds between two looks of a process that waits for a row to change."""
-
-    def read(self) -> AbstractContextManager[Connection]:
-        """Open a snapshot to read from."""
 
     def write(
         self, *, exclusive: bool = False, durable: bool = True

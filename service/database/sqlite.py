@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event
@@ -69,6 +71,26 @@ class SqliteDatabase:
             connection.begin(),
         ):
             migrate(connection)
+
+
+class SqliteSnapshot:
+    """A file of a store that is read alone, of whatever version; nothing is migrated."""
+
+    def __init__(self, path: Path) -> None:
+        uri = f"{path.absolute().as_uri()}?mode=ro"
+        self._engine = create_engine(
+            "sqlite://", creator=lambda: sqlite3.connect(uri, uri=True), hide_parameters=True
+        )
+
+    @contextmanager
+    def read(self) -> Iterator[Connection]:
+        """Open a snapshot to read from."""
+        with translate_errors(), self._engine.connect() as connection:
+            yield connection
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
 
 
 def _create_engine(url: str, *, synchronous: str) -> Engine:

@@ -6,7 +6,7 @@ import time
 
 from sqlalchemy import and_, delete, or_, select, update
 
-from service.database.engine import Database
+from service.database.engine import Database, ReadableDatabase
 from service.database.tables import clouds, jobs
 from service.jobs.model import TERMINAL_STATUSES
 
@@ -25,7 +25,7 @@ def drop_expired(database: Database) -> None:
         connection.execute(delete(clouds).where(clouds.c.expires_at < now))
 
 
-def find_needed_blobs(database: Database) -> set[str]:
+def find_needed_blobs(database: ReadableDatabase) -> set[str]:
     """Return the hashes of all blobs that a job or a stored cloud needs."""
     inputs = (cloud["sha256"].as_string() for cloud in (jobs.c.source, jobs.c.target))
     query = select(*inputs, jobs.c.result_sha256, jobs.c.inliers_sha256).where(HOLDS_BLOBS)
@@ -35,7 +35,7 @@ def find_needed_blobs(database: Database) -> set[str]:
     return needed | {sha256 for _, sha256 in find_cloud_blobs(database)}
 
 
-def find_cloud_blobs(database: Database) -> set[tuple[str, str]]:
+def find_cloud_blobs(database: ReadableDatabase) -> set[tuple[str, str]]:
     """Return tenant and blob hash of every stored cloud."""
     with database.read() as connection:
         rows = connection.execute(select(clouds.c.tenant, clouds.c.sha256))

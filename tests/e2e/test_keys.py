@@ -2,36 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.factories.commands import mpe
 from tests.factories.scans import arms, as_npy
-from tests.factories.server import PROJECT, Server, free_port, running_server
+from tests.factories.server import Server, free_port, running_server
 from tests.factories.tenants import caller, new_key, revoke
 from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
-
-
-def mpe(data_dir: Path, *words: str, **settings: str) -> subprocess.CompletedProcess[str]:
-    """The command, to its end."""
-    inherited = {name: v for name, v in os.environ.items() if not name.startswith("MPE_")}
-    given = {f"MPE_{name.upper()}": value for name, value in settings.items()}
-    return subprocess.run(
-        [sys.executable, "-m", "service.cli", *words],
-        cwd=PROJECT,
-        env=inherited | {"MPE_DATA_DIR": str(data_dir)} | given,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
 
 
 def listed(data_dir: Path) -> list[list[str]]:
