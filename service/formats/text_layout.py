@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -12,13 +13,24 @@ from service.formats.column_names import (
     find_normals,
     find_xyz,
 )
-from service.formats.errors import MalformedFileError, UnsupportedFileError
+from service.formats.errors import CloudFileError, MalformedFileError, UnsupportedFileError
 from service.formats.numerals import is_number, is_value
+from service.formats.text_guesses import (
+    SAMPLED_ROWS,
+    Rows,
+    are_labelled,
+    counts_rows,
+    has_decimal_commas,
+    refuse_poses,
+    sample_rows,
+)
 
 BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"
 """UTF-8's byte order mark, decoded as Latin-1."""
-_DELIMITERS = (";", "\t", ",", None)
+_DELIMITERS = (";", "\t", ",", "|", None)
 """Delimiters in the order in which they are tried; None: any run of blanks."""
+_UNIT = re.compile(r"[ \t]?[\[(][^\[\]()]{0,20}[\])]")
+"""Unit behind a name, which is none of the words of a header."""
 _COMMENTS = ("#", "//", "%")
 _MIN_ROW_CHARACTERS = 5
 """Length of the shortest row or header of three columns: "1 2 3"."""
@@ -73,11 +85,16 @@ class _Header:
     @classmethod
     def parse(cls, number: int, line: str) -> _Header:
         text = line.lstrip("#/% \t")
+        bare = _UNIT.sub("", text)
         listed = next((word for word in text.split() if word.endswith("[]")), None)
         if listed is not None:
             text = text[: text.index(listed) + len(listed)]
-        names = {delimiter: _Names.of(_split(text, delimiter)) for delimiter in _DELIMITERS}
-        words = _Names.of(text.replace(";", " ").replace(",", " ").split())
+            bare = text
+        names = {
+            delimiter: _Names.of(_split(text if delimiter else bare, delimiter))
+            for delimiter in _DELIMITERS
+        }
+        words = _Names.of(bare.replace(";", " ").replace(",", " ").split())
         return cls(number, names, words, line.startswith(_COMMENTS), listed is not None)
 
     def candidates(self, delimiter: str | None) -> tuple[_Names, _Names]:
@@ -103,9 +120,20 @@ def detect_layout(lines: Sequence[str]) -> TextLayout | None:
         The header names other columns, or not as many as there are.
     """
     layout = _find_layout(lines, decimal_comma=False)
-    if layout is not None:
+    if layout is not None and not any("," in line for line in lines[: layout.first_row]):
         return layout
-    layout = _find_layout(lines, decimal_comma=True)
+    other = _find_decimal_commas(lines)
+    if other is None or (layout is not None and layout.first_row <= other.first_row):
+        return layout or _find_labelled(lines)
+    return other
+
+
+def _find_decimal_commas(lines: Sequence[str]) -> TextLayout | None:
+    """Find the layout with decimal commas; None where commas separate or a header contradicts."""
+    try:
+        layout = _find_layout(lines, decimal_comma=True)
+    except CloudFileError:
+        return None
     if layout is None or layout.delimiter == ",":
         return None
     warnings = (*layout.warnings, "commas are read as decimal points")
@@ -131,7 +159,8 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
                 headers = [_Header.parse(index + 1, text)]
                 skipped.append(index + 1)
                 continue
-            layout = _unnamed_layout(named, headers, fields, index)
+            sample = sample_rows(lines[index:], fields[0])
+            layout = _unnamed_layout(named, headers, fields, sample, index, count)
         if layout is not None:
             lost = [number for number in skipped if named is None or number != named.number]
             return _complete(layout, count, lost)
@@ -194,14 +223,16 @@ def _unnamed_layout(
     named: _Header | None,
     headers: Sequence[_Header],
     found: tuple[str | None, list[str]],
+    sample: Rows,
     index: int,
+    count: int | None,
 ) -> TextLayout:
-    """Take the first three columns, unless a header contradicts.
+    """Take the first three columns, or those after one that counts, unless a header contradicts.
 
     Raises
     ------
     CloudFileError
-        A header names other columns, or not as many as there are.
+        A header names other columns, or not as many as there are, or the rows are poses.
     """
     delimiter, values = found
     fields = _without_empty_end(values)
@@ -217,10 +248,30 @@ def _unnamed_layout(
         _refuse_misplaced(named, fields, index)
     for header in headers:
         _refuse_other_names(header, delimiter, fields, index)
-    warnings: tuple[str, ...] = ()
-    if any(not header.is_comment for header in headers):
-        warnings = (f"columns 1, 2 and 3 of {len(fields)} are read as x, y, z",)
-    return TextLayout(index, delimiter, warnings=warnings)
+    if delimiter == "," and has_decimal_commas(sample):
+        raise MalformedFileError(
+            f"line {index + 1}: commas seem to be decimal points as well as separators; "
+            "separate the fields by semicolons, or write decimal points"
+        )
+    refuse_poses(sample)
+    if counts_rows(sample):
+        warning = f"column 1 counts the rows; columns 2, 3 and 4 of {len(fields)} are read"
+        return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
+    if count is not None:  # PTS
+        return TextLayout(index, delimiter)
+    warning = f"columns 1, 2 and 3 of {len(fields)} have no names and are read as x, y, z"
+    return TextLayout(index, delimiter, warnings=(warning,))
+
+
+def _find_labelled(lines: Sequence[str]) -> TextLayout | None:
+    """Find rows of a label and coordinates, after comments alone."""
+    rows = [index for index, line in enumerate(lines) if line.strip() and line[:1] not in "#/%"]
+    for delimiter in _DELIMITERS:
+        sample = sample_rows([lines[index] for index in rows[: SAMPLED_ROWS + 1]], delimiter)
+        if are_labelled(sample):
+            warning = f"column 1 labels the points; columns 2, 3 and 4 of {len(sample[0])} are read"
+            return TextLayout(rows[0], delimiter, (1, 2, 3), warnings=(warning,))
+    return None
 
 
 def _refuse_geographic(header: _Header, delimiter: str | None, fields: Sequence[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -102,7 +102,7 @@ def read_columns(
         except CloudFileError:
             raise
         except ValueError as error:
-            again = TableCleaner(dialect, columns, accepts_commas=cleaner.accepts_commas)
+            again = replace(cleaner)
             raise _find_first_error(path, offset, first_line, again, error) from None
     table = table.reshape(-1, len(columns))
     if len(table) > limits.max_points:
@@ -150,6 +150,10 @@ class TableCleaner:
     """Whether numbers may have decimal commas."""
     counts: list[int] = field(default_factory=list)
     """Rows announced by lines of one whole number."""
+    headers: frozenset[str] = frozenset()
+    """Lines before the data; where they are repeated among the rows they are skipped."""
+    repeated_headers: int = 0
+    """Lines skipped as repetitions."""
     missing_rows: int = 0
     """Rows without any value."""
     has_points: bool = False
@@ -166,6 +170,9 @@ class TableCleaner:
             Some numbers have decimal points, and some have commas.
         """
         for line in lines:
+            if self.headers and line.strip() in self.headers:
+                self.repeated_headers += 1
+                continue
             text = _COMMENT.split(line, maxsplit=1)[0].strip().replace('"', "")
             if not text:
                 continue
@@ -201,6 +208,8 @@ class TableCleaner:
         found = []
         if self.has_commas:
             found.append("commas are read as decimal points")
+        if self.repeated_headers:
+            found.append(f"{self.repeated_headers} lines that repeat the header are skipped")
         if self.missing_rows:
             found.append(f"{self.missing_rows} rows without values are read as NaN")
         return tuple(found)

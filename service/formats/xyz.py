@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from service.formats.errors import (
     missing_attribute,
 )
 from service.formats.numerals import is_number
+from service.formats.text_encoding import rewrite_text, to_plain_head
 from service.formats.text_layout import BYTE_ORDER_MARK, TextLayout, detect_layout
 from service.formats.text_table import (
     Dialect,
@@ -26,16 +28,10 @@ from service.formats.text_table import (
 )
 from service.formats.unnamed_columns import name_columns
 
-_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
-
 
 def sniff(head: bytes) -> bool:
-    """Whether the bytes are lines of numbers, after at most a few lines of header.
-
-    Text in UTF-16 counts, so that the reader can report the encoding.
-    """
-    if _is_utf16(head):
-        return True
+    """Whether the bytes are lines of numbers, after at most a few lines of header."""
+    head = to_plain_head(head)
     if b"\0" in head:
         return False
     lines = head.decode("latin1").split("\n")
@@ -57,13 +53,17 @@ def read(
     CloudFileError
         The text is malformed; the message names the line.
     """
+    with rewrite_text(path) as (plain, warnings):
+        cloud = _read_plain(plain, limits, weights, attributes=attributes)
+    return replace(cloud, warnings=warnings + cloud.warnings)
+
+
+def _read_plain(
+    path: Path, limits: ReadLimits, weights: str | None, *, attributes: bool
+) -> DecodedCloud:
     lines = read_head_lines(path, limits)
     if any("\0" in line for line in lines):
-        raise UnsupportedFileError("the text has zero bytes; if it is UTF-16, save it as UTF-8")
-    if len(lines) == 1 and "\r" in lines[0].strip():
-        raise MalformedFileError(
-            "line 1: the lines end with CR only, as on old Macs; save the file with LF line ends"
-        )
+        raise UnsupportedFileError("the text has zero bytes; expected UTF-8 or UTF-16")
     layout = detect_layout(lines)
     if layout is None:
         raise MalformedFileError(
@@ -130,7 +130,8 @@ def _read_table(
         offset = len(BYTE_ORDER_MARK)
     has_counts = layout.count is not None
     dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma, has_counts=has_counts)
-    cleaner = TableCleaner(dialect, columns)
+    before = frozenset(line.strip() for line in lines[: layout.first_row]) - {""}
+    cleaner = TableCleaner(dialect, columns, headers=before)
     table = read_columns(
         path, offset, layout.first_row + 1, columns, limits, dialect=dialect, cleaner=cleaner
     )
@@ -138,8 +139,3 @@ def _read_table(
     if has_counts and len(table) < announced:
         raise TruncatedFileError(f"the file has {len(table)} rows, but announces {announced}")
     return table, tuple(dict.fromkeys(layout.warnings + cleaner.warnings()))
-
-
-def _is_utf16(head: bytes) -> bool:
-    """Whether a byte order mark of UTF-16 precedes text, half of whose bytes are zero."""
-    return head.startswith(_UTF16_MARKS) and 3 * head.count(0) >= len(head)

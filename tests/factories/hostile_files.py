@@ -172,7 +172,7 @@ LIES = {
         npy_header("{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000000, 3)}"),
     ),
     "text of zero bytes": text_rows(POINTS) + bytes(100) + text_rows(POINTS),
-    "UTF-16": text_rows(POINTS).decode().encode("utf-16"),
+    "UTF-32": text_rows(POINTS).decode().encode("utf-32"),
     "hex and underscores": b"0x10 0x20 0x30\n1_0 2_0 3_0\n",
     "text count 1e17": MANY + b"\n" + text_rows(POINTS),
     "stl triangles 4e9": patched(stl_binary(), 80, "<I", 4_000_000_000),

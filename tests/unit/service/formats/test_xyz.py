@@ -87,7 +87,6 @@ UNCLEAR = {
     ),
     "an empty cell": (text_rows(POINTS, ",") + b"1,,3\n", "line 41: ''"),
     "a count above the rows": (b"41\n" + text_rows(POINTS), "40 rows, but announces 41"),
-    "old Mac line ends": (text_rows(POINTS, " ", "\r"), "line 1"),
 }
 
 
@@ -133,6 +132,15 @@ BY_NAME = {
     "decimal commas between blanks": rows(" ").replace(b".", b","),
     "decimal commas after the first row": b"7;8;9\n" + rows(";").replace(b".", b","),
     "PTS in two blocks": b"40\n" + rows(" ") + b"2\n1 2 3\n4 5 6\n",
+    "old Mac line ends": rows(" ").replace(b"\n", b"\r"),
+    "UTF-16": ("x,y,z\n" + rows(",").decode()).encode("utf-16"),
+    "UTF-16 without a mark": rows(" ").decode().encode("utf-16-be"),
+    "a header before each block": b"x,y,z\n" + rows(",").replace(b"\n", b"\nx,y,z\n", 20),
+    "bars": b"x|y|z\n" + rows("|"),
+    "units of their own in the header": b"# Z [m] Y [m] X [m]\n"
+    + text_rows(np.ascontiguousarray(POINTS[:, ::-1])),
+    "a column that counts": rows(" ", "{i} "),
+    "a column of labels": rows(" ", "P{i} "),
     "empty rows at the end": b"x,y,z,i\n" + rows(",", "", ",{i}") + b",,,\n" * 3,
 }
 
@@ -161,14 +169,17 @@ REFUSED = {
     "decimal points and commas": (b"1.5;2.5;3.5\n1,5;2,5;3,5\n", "some have commas"),
     "thousands": (b"1.5;2.5;3.5\n1,500.5;2.5;3.5\n", "not a number|some have commas"),
     "PTS with rows missing": (b"40\n" + rows(" ") + b"9\n1 2 3\n", "announces 49"),
-    "UTF-16": ("x,y,z\n" + rows(",").decode()).encode("utf-16"),
+    "poses of KITTI": (b"1 0 0 1.5 0 1 0 2 0 0 1 3\n" * 9, "trajectory"),
+    "poses of TUM": (rows(" ", "{i}.5 ", " 0 0 0 1"), "trajectory"),
+    "a matrix": (b"1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n", "matrix"),
+    "commas for both": (b"1,083,-2,128,3,004\n1,5,2,5,3,007\n", "as well as separators"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_contradicts_is_refused(tmp_path: Path, case: str) -> None:
     found = REFUSED[case]
-    content, words = (found, "UTF-16") if isinstance(found, bytes) else found
+    content, words = found
     with pytest.raises(CloudFileError, match=words):
         decode(tmp_path, content)
 
@@ -218,3 +229,10 @@ def test_named_columns_are_found_in_every_order(
     with tempfile.TemporaryDirectory() as folder:
         points = decode(Path(folder), "\n".join([*lines, ""]).encode()).points
     np.testing.assert_array_equal(points.astype(np.float32), POINTS)
+
+
+def test_columns_without_names_are_never_taken_silently(tmp_path: Path) -> None:
+    cloud = decode(tmp_path, rows(" ", "", " {i} 7"))
+    assert "columns 1, 2 and 3 of 5" in " ".join(cloud.warnings)
+    assert decode(tmp_path, rows(" ")).warnings == ()
+    assert decode(tmp_path, b"40\n" + rows(" ", "", " {i} 7 8 9")).warnings == ()

@@ -1,0 +1,67 @@
+"""Text in UTF-16, or with line ends of CR alone, rewritten as other readers expect it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+_BLOCK_CHARACTERS = 1 << 20
+_MIN_SHARE = 0.9
+"""Share of zero bytes at every other place from which on text without a mark is UTF-16."""
+_HEAD_BYTES = 4096
+
+
+def to_plain_head(head: bytes) -> bytes:
+    """Return the first bytes of a text as they are after `rewrite_text`."""
+    if (encoding := _find_encoding(head)) is not None:
+        text = head[: len(head) // 2 * 2].decode(encoding, errors="replace")
+        head = text.removeprefix("\ufeff").encode()
+    return head.replace(b"\r", b"\n") if _has_cr_alone(head) else head
+
+
+@contextmanager
+def rewrite_text(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """Provide the text in UTF-8 with line ends of LF, and warnings of what was rewritten."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    encoding = _find_encoding(head)
+    is_cr = _has_cr_alone(to_plain_head(head)) or _has_cr_alone(head)
+    if encoding is None and not is_cr:
+        yield path, ()
+        return
+    with tempfile.TemporaryDirectory(prefix="text-") as folder:
+        plain = Path(folder) / "text"
+        _rewrite(path, plain, encoding)
+        yield plain, (f"the text is in {encoding.upper()}",) if encoding else ()
+
+
+def _rewrite(path: Path, plain: Path, encoding: str | None) -> None:
+    with (
+        path.open(encoding=encoding or "latin1", errors="replace", newline=None) as source,
+        plain.open("w", encoding="utf8" if encoding else "latin1", newline="\n") as target,
+    ):
+        is_first = True
+        while block := source.read(_BLOCK_CHARACTERS):
+            target.write(block.removeprefix("\ufeff") if is_first else block)
+            is_first = False
+
+
+def _has_cr_alone(head: bytes) -> bool:
+    return b"\n" not in head and b"\r" in head.rstrip(b"\r")
+
+
+def _find_encoding(head: bytes) -> str | None:
+    """Return the encoding by its mark over half of zeros, or by zeros at every other place."""
+    marked = _MARKS.get(head[:2])
+    if marked is not None:
+        return marked if 3 * head.count(0) >= len(head) else None
+    half = len(head) // 2
+    if half < 8:
+        return None
+    for zeros, encoding in ((head[1::2], "utf-16-le"), (head[::2], "utf-16-be")):
+        if zeros.count(0) >= _MIN_SHARE * half and head.count(0) - zeros.count(0) == 0:
+            return encoding
+    return None
