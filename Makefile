@@ -7,8 +7,9 @@ TEST_PACKAGES := postgresql
 HOST ?= 127.0.0.1
 PORT ?= 8000
 FUZZ_SECONDS ?= 300
+SOAK_SECONDS ?= 3600
 
-.PHONY: help setup run demo test chaos check format openapi lock bench paper peers fuzz clean
+.PHONY: help setup run demo test chaos soak check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -39,8 +40,11 @@ test: setup  ## all tests, with the coverage of both packages
 	@tools/install_system_packages $(TEST_PACKAGES)
 	$(PY) -m pytest --cov --numprocesses auto --dist loadfile
 
-chaos: setup  ## 300 jobs while the server and its processes are killed 25 times
+chaos: setup  ## 300 jobs while the server is killed, suspended and its clock set, 25 times
 	$(PY) -m tests.e2e.chaos
+
+soak: setup  ## an hour of 64 clients, some hostile, kills, suspensions, full disks (SOAK_SECONDS)
+	$(PY) -m tests.e2e.soak --seconds $(SOAK_SECONDS)
 
 check: setup  ## formatting, lint, types, import rules, licences, known vulnerabilities
 	.venv/bin/ruff format --check .

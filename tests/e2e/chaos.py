@@ -1,4 +1,4 @@
-"""Jobs submitted while the server and its processes are killed; `python -m tests.e2e.chaos`.
+"""Jobs submitted while the server is killed, suspended, its clock set; `python -m tests.e2e.chaos`.
 
 Every accepted job must end exactly once, in the right result or an explained failure; every
 callback must come; no process, file or job may be left over.
@@ -23,11 +23,12 @@ import httpx
 import numpy as np
 import psutil
 
+from tests.factories.logs import logged_errors
 from tests.factories.postgres import find_programs, running_postgres
-from tests.factories.processes import all_of, forkserver
+from tests.factories.processes import all_of, forkserver, suspended
 from tests.factories.receiver import Receiver, receiving
 from tests.factories.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
-from tests.factories.server import Server, finished, running_server, submit
+from tests.factories.server import PROJECT, Server, finished, running_server, submit
 from tests.factories.waiting import until
 
 SETTINGS = {
@@ -37,7 +38,13 @@ SETTINGS = {
     "webhook_backoff_s": 0.2,
     "blob_grace_s": 20,
     "maintenance_interval_s": 0.5,
+    "result_retention_s": 1e6,  # beyond all jumps of the clock
 }
+KINDS = ("server", "forkserver", "worker", "worker", "suspension", "clock")
+CLOCK_JUMP_S = 700.0
+"""More than MPE_JOB_TIMEOUT_S and all leases."""
+SHORT_S = (0.2, 2.0)
+"""Range of the lengths of suspensions, beside the long one."""
 TARGET = arms(0)
 BAD_EVERY = 10
 """Each tenth job has a source of two points and must fail for that."""
@@ -63,6 +70,9 @@ class Chaos:
     jobs: int
     kills: int
     seed: int
+    clock: Path
+    long_suspension_s: float = 0.0
+    """Length of the first suspension; 0: it is as short as the others."""
     accepted: dict[str, Wanted] = field(default_factory=dict)
     killed: Counter[str] = field(default_factory=Counter)
 
@@ -82,10 +92,10 @@ class Chaos:
             "succeeded": sum(job["status"] == "succeeded" for job in ended.values()),
             "failed for their input": sum(w.is_bad for w in self.accepted.values()),
             "failed after three lost attempts": sum(map(_was_lost, ended.values())),
-            "killed": dict(self.killed),
+            "killed, suspended, clock set": dict(self.killed),
             "attempts needed: jobs": dict(sorted(attempts.items())),
             "callbacks received": len(self.receiver.received),
-            "errors logged": dict(_errors(self.server.log)),
+            "errors logged": dict(logged_errors(self.server.log)),
             "seconds": round(time.monotonic() - started, 1),
         }
 
@@ -113,15 +123,26 @@ class Chaos:
 
     def _kill_again_and_again(self) -> None:
         rng = random.Random(self.seed)
+        kinds: list[str] = []
         while sum(self.killed.values()) < self.kills:
             time.sleep(rng.uniform(0.05, 0.6))
-            kind = rng.choice(("server", "forkserver", "worker", "worker"))
-            if kind == "server":
+            kinds = kinds or rng.sample(KINDS, len(KINDS))
+            kind = kinds.pop()
+            if kind == "suspension":
+                self._suspend(rng)
+            elif kind == "clock":
+                self.clock.write_text(str(CLOCK_JUMP_S * (self.killed["clock"] + 1)))
+            elif kind == "server":
                 self.server.kill()
                 self.server.start(ready=False)
             elif not self._kill_below(kind, rng):
                 continue
             self.killed[kind] += 1
+
+    def _suspend(self, rng: random.Random) -> None:
+        is_long = self.long_suspension_s > 0 and not self.killed["suspension"]
+        with suspended(self.server):
+            time.sleep(self.long_suspension_s if is_long else rng.uniform(*SHORT_S))
 
     def _kill_below(self, kind: str, rng: random.Random) -> bool:
         """Kill the forkserver, or a worker as soon as there is one; False when there is none."""
@@ -168,12 +189,6 @@ class Chaos:
         assert not alive, f"processes are left: {alive}"
 
 
-def _errors(log: str) -> Counter[str]:
-    """What the server says went wrong and nobody meant to; kills are warnings."""
-    lines = [json.loads(line) for line in log.splitlines() if line[:1] + line[-1:] == "{}"]
-    return Counter(line["message"] for line in lines if line["level"] in ("ERROR", "CRITICAL"))
-
-
 def _wanted(seed: int, number: int) -> Wanted:
     rng = np.random.default_rng((seed, number))
     truth = motion(rng, TARGET, 20, 0.2)
@@ -197,10 +212,22 @@ def _check_end(job: dict[str, Any], wanted: Wanted) -> None:
         assert shift < 0.02
 
 
-def run(directory: Path, *, jobs: int, kills: int, seed: int, **settings: object) -> dict[str, Any]:
-    with receiving() as receiver, running_server(directory, **SETTINGS, **settings) as server:
+def run(
+    directory: Path,
+    *,
+    jobs: int,
+    kills: int,
+    seed: int,
+    long_suspension_s: float = 0.0,
+    **settings: object,
+) -> dict[str, Any]:
+    clock = directory / "clock"
+    clock.write_text("0")
+    environment = {"PYTHONPATH": PROJECT / "tests/factories/clock", "TEST_CLOCK_FILE": clock}
+    settings = SETTINGS | environment | settings
+    with receiving() as receiver, running_server(directory, **settings) as server:
         try:
-            return Chaos(server, receiver, jobs, kills, seed).run()
+            return Chaos(server, receiver, jobs, kills, seed, clock, long_suspension_s).run()
         except (AssertionError, httpx.HTTPError) as error:
             error.add_note(server.log[-20000:])
             raise
@@ -212,6 +239,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=25)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--postgres", action="store_true", help="keep the jobs in PostgreSQL")
+    parser.add_argument("--suspension-s", type=float, default=35, help="length of the first")
     given = parser.parse_args()
     with ExitStack() as stack:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -221,6 +249,7 @@ def main() -> None:
             postgres = stack.enter_context(running_postgres(programs))
             settings["database_url"] = postgres.new_database()
         counts = {"jobs": given.jobs, "kills": given.kills, "seed": given.seed}
+        counts["long_suspension_s"] = given.suspension_s
         figures = run(directory, **counts, **settings)
     for name, value in figures.items():
         print(f"{name:34} {value}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -20,6 +22,24 @@ def forkserver(server: Server) -> psutil.Process:
 def _forkservers(server: Server) -> list[psutil.Process]:
     children = psutil.Process(server.pid).children()
     return [child for child in children if "forkserver" in _command(child)]
+
+
+@contextmanager
+def suspended(server: Server) -> Iterator[None]:
+    """Stop the server and all below it, as a machine that is suspended; they go on afterwards."""
+    parent = psutil.Process(server.pid)
+    stopped = [parent]
+    parent.suspend()
+    stopped += parent.children(recursive=True)  # a stopped server starts no more
+    for process in stopped[1:]:
+        with suppress(psutil.NoSuchProcess):
+            process.suspend()
+    try:
+        yield
+    finally:
+        for process in reversed(stopped):
+            with suppress(psutil.NoSuchProcess):
+                process.resume()
 
 
 def workers(server: Server) -> list[psutil.Process]:

@@ -133,9 +133,12 @@ def registered(client: httpx.Client, source: bytes, target: bytes, **kwargs: Any
 
 @contextmanager
 def running_server(directory: Path, *, ready: bool = True, **settings: object) -> Iterator[Server]:
-    """A server that is ready, or alive; settings by their names without MPE_, in lower case."""
+    """A server that is ready, or alive; settings by their names without MPE_, in lower case.
+
+    Other variables of its environment in upper case.
+    """
     server = Server(directory / "data", **settings)
-    server.data_dir.mkdir(parents=True)
+    server.data_dir.mkdir(parents=True, exist_ok=True)
     try:
         server.start(ready=ready)
         yield server
@@ -156,5 +159,8 @@ def free_port() -> int:
 
 def _environment(data_dir: Path, settings: dict[str, object]) -> dict[str, str]:
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("MPE_")}
-    given = {f"MPE_{name.upper()}": str(value) for name, value in settings.items()}
+    given = {
+        name if name.isupper() else f"MPE_{name.upper()}": str(value)
+        for name, value in settings.items()
+    }
     return {**inherited, "MPE_DATA_DIR": str(data_dir), "PYTHONUNBUFFERED": "1", **given}
