@@ -148,6 +148,10 @@ class PosePipeline:
             poses = poses or [ScoredPose(Minimum(start, False, 0), self.scorer.score(start))]
         return prefer_near_start(poses, lambda pose: self._prior.distance(pose.minimum.T))
 
+    def allows(self, poses: Array) -> NDArray[np.bool_]:
+        """(K,) whether the caller's knowledge allows the poses (K, 4, 4)."""
+        return self._prior.accepts(poses)
+
     def find_candidates(self, level: SearchLevel, report: FractionCallback) -> Candidates:
         """Search at this level; candidates come best first."""
         return find_poses(
@@ -273,12 +277,17 @@ def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | Non
     return FreeSpace(source.fine, target.fine, source.viewpoint, target.viewpoint)
 
 
-def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
-    """Select the first pose, and those that differ from it but fit as well."""
-    best = ordered[0].evidence
+def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:
+    """Select the poses that differ from those before them."""
     poses = np.array([pose.minimum.T for pose in ordered])
     rows = distinct_rows(poses, -np.arange(len(ordered), dtype=np.float32), len(ordered))
-    return [ordered[k] for k in rows if k == 0 or _fits_as_well(ordered[k].evidence, best)]
+    return [ordered[k] for k in rows]
+
+
+def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
+    """Select the first pose, and those that differ from it but fit as well."""
+    best, *others = select_distinct(ordered)
+    return [best, *(pose for pose in others if _fits_as_well(pose.evidence, best.evidence))]
 
 
 def _fits_as_well(other: Evidence, best: Evidence) -> bool:

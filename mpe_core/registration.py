@@ -7,16 +7,26 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpe_core.assess.coincidence import (
+    CoincidenceEvidence,
+    are_scattered,
+    doubt,
+    find_coincidences,
+)
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.normalize import CloudPair, normalize_pair
 from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
+from mpe_core.geometry.nearest import nearest_rows
+from mpe_core.geometry.rigid import apply
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.methods import run_paper_method
-from mpe_core.pipeline import PosePipeline, ScoredPose
+from mpe_core.pipeline import PosePipeline, ScoredPose, select_distinct
 from mpe_core.progress import Progress, StageCallback
+from mpe_core.refine.covariance import PoseUncertainty, paired_points_uncertainty
+from mpe_core.refine.minimum import Minimum
 from mpe_core.result import Registration
 from mpe_core.search.pose_prior import PosePrior
 
@@ -109,7 +119,7 @@ def register(
     best, *others = _find_poses(pipeline, pair, options, progress)
     minimum = best.minimum
     with progress.stage("refine"):
-        uncertainty = pipeline.refiner.uncertainty(minimum)
+        uncertainty = _estimate_uncertainty(pipeline, pair, best)
         # about the moved source's centroid, which is the origin of the normalized source
         uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
     with progress.stage("inliers"):
@@ -143,9 +153,47 @@ def _find_poses(
 ) -> list[ScoredPose]:
     """Best pose by the chosen method, followed by those that fit as well."""
     if options.method == "mpl" and options.search == "global":
-        return pipeline.run(progress)
+        return _find_by_search(pipeline, pair, options, progress)
     minimum = run_paper_method(pair, options, progress)
     return [ScoredPose(minimum, pipeline.scorer.score(minimum.T))]
+
+
+def _find_by_search(
+    pipeline: PosePipeline, pair: CloudPair, options: RegistrationOptions, progress: Progress
+) -> list[ScoredPose]:
+    """Poses of few points that correspond one by one, or else of the search."""
+    source = pair.source_cloud.weighted(pair.source)
+    target = pair.target_cloud.weighted(pair.target)
+    coincidences = find_coincidences(source, target, options.seed)
+    if coincidences is None:
+        return pipeline.run(progress)
+    poses = np.array([T for T, _ in coincidences]).reshape(-1, 4, 4)
+    certain = [
+        ScoredPose(Minimum(T, converged=True, iterations=1), evidence)
+        for (T, evidence), is_allowed in zip(coincidences, pipeline.allows(poses), strict=True)
+        if is_allowed and evidence.accepted
+    ]
+    if certain:
+        return select_distinct(certain)
+    found = pipeline.run(progress)
+    if not (are_scattered(source) and are_scattered(target)):
+        return found
+    alarms = min((evidence.log_false_alarms for _, evidence in coincidences), default=0.0)
+    return [replace(found[0], evidence=doubt(found[0].evidence, max(alarms, 0.0)))]
+
+
+def _estimate_uncertainty(
+    pipeline: PosePipeline, pair: CloudPair, pose: ScoredPose
+) -> PoseUncertainty:
+    evidence, T = pose.evidence, pose.minimum.T
+    if not (isinstance(evidence, CoincidenceEvidence) and evidence.accepted):
+        return pipeline.refiner.uncertainty(pose.minimum)
+    moved = apply(T, pair.source)
+    distances = np.linalg.norm(
+        moved - pair.target[nearest_rows(moved, pair.target, np.inf)], axis=1
+    )
+    near = distances <= evidence.reach
+    return paired_points_uncertainty(moved[near], distances[near])
 
 
 def _in_caller_frames(pair: CloudPair, poses: list[ScoredPose]) -> NDArray[np.float64]:

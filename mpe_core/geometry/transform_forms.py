@@ -50,7 +50,7 @@ def read_rigid_transform(value: Any) -> Array:
     if isinstance(value, Mapping):
         return _from_quaternion(value)
     matrices = [M for M in _matrices(_numbers(value)) if is_nearly_rigid(M)]
-    if len(matrices) > 1 and not np.allclose(matrices[0], matrices[1]):
+    if len(matrices) > 1 and np.size(value) == 12:
         raise ValueError("must be told row by row: its 12 numbers are a pose either way, send 4x4")
     return _nearest_rigid(matrices[0]) if matrices else _refuse(_matrices(_numbers(value))[0])
 

@@ -99,6 +99,22 @@ def sandwich_covariance(
     return PoseUncertainty(covariance, np.ascontiguousarray(free.T))
 
 
+def paired_points_uncertainty(moved: Array, distances: Array) -> PoseUncertainty:
+    """Estimate the uncertainty of a fit to paired points.
+
+    Parameters
+    ----------
+    moved
+        (N, 3) points at the pose.
+    distances
+        (N,) distances from their partners.
+    """
+    J = np.concatenate([-cross_matrix(moved), np.tile(np.eye(3), (len(moved), 1, 1))], axis=2)
+    information = np.einsum("nki,nkj->ij", J, J)
+    variance = float(np.square(distances).sum()) / max(3 * len(moved) - 6, 1)
+    return PoseUncertainty(variance * np.linalg.pinv(information), np.empty((0, 6)))
+
+
 def count_degenerate(information: Array) -> int:
     """Count the directions that the information (K, K) calls degenerate."""
     return int((np.linalg.eigvalsh(information) < DEGENERACY_THRESHOLD).sum())

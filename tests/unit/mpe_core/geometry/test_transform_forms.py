@@ -44,6 +44,11 @@ def test_a_quaternion_and_a_translation_are_read(seed):
         np.testing.assert_allclose(read, T, atol=1e-12)
 
 
+def test_rows_come_first_where_there_is_no_translation():
+    T = transform(0, reach=0)
+    assert (read_rigid_transform(T.ravel()) == T).all()
+
+
 @pytest.mark.parametrize("digits", [2, 3, 4, 6])
 def test_rounded_poses_become_the_nearest_rotation(digits):
     T = transform(digits)
