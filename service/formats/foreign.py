@@ -9,7 +9,6 @@ from service.formats.numerals import is_number, significant_line
 
 _EXPORT = "export it as PLY, PCD, LAS or E57"
 _MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
-    ((b"# vtk DataFile",), "VTK", "export it as PLY (ParaView: Save Data)"),
     ((b"ISO-10303-21",), "STEP", "export its surface as STL"),
     ((b"\x89HDF\r\n\x1a\n",), "HDF5", "export the array of points as .npy"),
     ((b"version https://git-lfs",), "Git LFS pointer", "fetch the file with: git lfs pull"),
@@ -28,6 +27,9 @@ _MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
     ((b"MATLAB 5.0 MAT",), "MATLAB", "export the points as CSV"),
     ((b"#VRML", b"#X3D"), "VRML", "export it as PLY, OBJ or glTF"),
     ((b"livox_tech",), "Livox LVX", "export it as LAS or PCD"),
+    ((b"AC10",), "DWG", "export its points as LAS or its surfaces as STL"),
+    ((b"#usda", b"PXR-USDC"), "USD", "export it as glTF, OBJ or PLY"),
+    ((b"NGSP",), "SPZ (Gaussian splats)", "convert it to PLY"),
 )
 """Beginnings of files, the name of the format, and what to do."""
 _ATOM = re.compile(rb"[A-Z][a-z]?")
@@ -50,9 +52,9 @@ def _is_esri_grid(head: bytes) -> bool:
     return lines[0].split()[:1] == [b"ncols"] and any(b"nrows" in line for line in lines[1:2])
 
 
-def _is_collada_or_vtk_xml(head: bytes) -> bool:
+def _is_collada(head: bytes) -> bool:
     start = head[:1000]
-    return start.lstrip().startswith(b"<") and (b"<VTKFile" in start or b"<COLLADA" in start)
+    return start.lstrip().startswith(b"<") and b"<COLLADA" in start
 
 
 def _is_iges(head: bytes) -> bool:
@@ -80,7 +82,7 @@ def _is_matlab_text(head: bytes) -> bool:
 _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (_is_riegl, "a RIEGL scan, which is not read: export it as LAS or E57"),
     (_is_esri_grid, "an ESRI ASCII grid, which is not read: convert it to lines of x y z"),
-    (_is_collada_or_vtk_xml, "COLLADA or VTK XML, which is not read: export it as PLY or OBJ"),
+    (_is_collada, "COLLADA, which is not read: export it as PLY or OBJ"),
     (_is_iges, "IGES, which is not read: export its surface as STL"),
     (_is_molecule, "a molecule in the chemical XYZ format, which is not read"),
     (_is_matlab_text, "MATLAB text, which is not read: export the matrix as CSV"),

@@ -1,4 +1,4 @@
-"""KITTI .bin: rows of x, y, z, intensity in float32, without a header; read only if declared."""
+"""Rows of float32 without a header (.bin), as of KITTI and nuScenes; read only if declared."""
 
 from __future__ import annotations
 
@@ -11,44 +11,71 @@ from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
 from service.formats.memory_map import map_file
 
-_ROW_BYTES = 16
+MIN_COLUMNS, MAX_COLUMNS = 3, 8
+_KITTI_COLUMNS = 4
 _MAX_NEGATIVE = 0.01
 """Share of rows with a negative intensity; more of them contradict four columns."""
 _MAX_RANGE = 1e5
 """Metres; float32 beyond it is no coordinate of a scanner."""
+_MIN_PLAUSIBLE = 0.98
+"""Share of numbers that a scanner may have measured."""
+_DECLARE = "set 'columns' to the number of columns, 3 to 8, or save the array as .npy"
 
 
 def are_float_rows(head: bytes) -> bool:
     """Whether the bytes are plausible as float32 numbers of a scanner."""
     values = np.frombuffer(head[: len(head) // 4 * 4], "<f4")
-    sizes = np.abs(values[np.isfinite(values)])
-    plausible = (sizes < _MAX_RANGE) & ((sizes > 1e-9) | (sizes == 0))
-    return len(values) >= 16 and plausible.sum() > 0.98 * len(values) and bool(sizes.any())
+    return len(values) >= 16 and _are_plausible(values)
 
 
-def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
-    """Read all rows; `attributes` adds their intensity.
+def read(
+    path: Path, limits: ReadLimits, columns: int | None, *, attributes: bool = False
+) -> DecodedCloud:
+    """Read all rows of x, y, z and others; `attributes` adds the others.
+
+    `columns` is the number of columns; None: four, the fourth of which is the intensity.
 
     Raises
     ------
     MalformedFileError
-        The length is no multiple of 16 bytes, or column 4 holds no intensities.
+        The length is no multiple of the row's, or the numbers are no coordinates or intensities.
     """
-    size = path.stat().st_size
-    if size % _ROW_BYTES:
+    width, size = columns or _KITTI_COLUMNS, path.stat().st_size
+    if not MIN_COLUMNS <= width <= MAX_COLUMNS:
+        raise MalformedFileError(f"columns is {width}; expected {MIN_COLUMNS} to {MAX_COLUMNS}")
+    row_bytes = 4 * width
+    if size % row_bytes:
         raise MalformedFileError(
-            f"the file has {size} bytes; expected a multiple of {_ROW_BYTES}: "
-            "rows of four columns (x, y, z, intensity) in float32; save rows with "
-            "another number of columns as .npy"
+            f"the file has {size} bytes; expected a multiple of {row_bytes}: "
+            f"rows of {width} columns (x, y, z, ...) in float32; {_DECLARE}"
         )
-    check_count(size // _ROW_BYTES, _ROW_BYTES, size, "the file", limits)
-    rows = np.frombuffer(map_file(path), "<f4").reshape(-1, 4)
-    negative = int((rows[:, 3] < 0).sum())
-    if negative > _MAX_NEGATIVE * len(rows):
+    check_count(size // row_bytes, row_bytes, size, "the file", limits)
+    rows = np.frombuffer(map_file(path), "<f4").reshape(-1, width)
+    if columns is None:
+        _check_intensities(rows[:, 3])
+    elif not _are_plausible(rows[:, :3]):
         raise MalformedFileError(
-            f"{negative} of {len(rows)} rows have a negative intensity in column 4; expected rows "
-            "of x, y, z, intensity: save rows with another number of columns as .npy"
+            f"as rows of {width} columns the first three are no coordinates below {_MAX_RANGE:g}; "
+            "is the number of columns right?"
         )
-    kept: dict[str, NDArray[np.generic]] = {"intensity": rows[:, 3].astype(np.float32)}
-    points = rows[:, :3].astype(np.float32)
-    return DecodedCloud(points, "kitti", attributes=kept if attributes else {})
+    names = ["intensity", *(f"column_{number}" for number in range(5, width + 1))]
+    kept: dict[str, NDArray[np.generic]] = {}
+    if attributes:
+        others = zip(names, rows[:, 3:].T, strict=False)
+        kept = {name: column.astype(np.float32) for name, column in others}
+    return DecodedCloud(rows[:, :3].astype(np.float32), "kitti", attributes=kept)
+
+
+def _check_intensities(column: NDArray[np.float32]) -> None:
+    negative = int((column < 0).sum())
+    if negative > _MAX_NEGATIVE * len(column):
+        raise MalformedFileError(
+            f"{negative} of {len(column)} rows have a negative intensity in column 4; expected "
+            f"rows of x, y, z, intensity: {_DECLARE}"
+        )
+
+
+def _are_plausible(values: NDArray[np.float32]) -> bool:
+    sizes = np.abs(values[np.isfinite(values)])
+    plausible = (sizes < _MAX_RANGE) & ((sizes > 1e-9) | (sizes == 0))
+    return plausible.sum() > _MIN_PLAUSIBLE * values.size and bool(sizes.any())

@@ -24,10 +24,10 @@ from service.formats.registry import FORMATS, Format, ReadChoice
 SNIFFED_BYTES = 4096
 """Bytes at the start of a file that decide its format."""
 _FLOAT_ROWS = (
-    "; it looks like rows of float32: declare the format 'kitti' if they have four columns, "
-    "else save the array as .npy"
+    "; it looks like rows of float32: declare the format 'kitti', and 'columns' unless they are "
+    "x, y, z, intensity"
 )
-EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples")
+EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples", "columns")
 """Choices that are an error for a format without them."""
 ReadChoices = dict[ReadChoice, int | str | None]
 
@@ -57,6 +57,7 @@ def read_points(
     scan: int | None = None,
     surface_samples: int | None = None,
     weights: str | None = None,
+    columns: int | None = None,
     attributes: bool = False,
 ) -> DecodedCloud:
     """Decode a cloud file.
@@ -77,6 +78,8 @@ def read_points(
     weights
         Name of the attribute that holds the weight of each point: of PLY, PCD, LAS and LAZ, of
         text with named columns, a field of an NPY, or an array or field of an NPZ.
+    columns
+        Number of columns of the format "kitti", 3 to 8; None: x, y, z, intensity.
     attributes
         Keep the other columns, the faces of meshes, and what LAS says beside its points.
 
@@ -102,12 +105,13 @@ def read_points(
     path = Path(path)
     if path.stat().st_size == 0:
         raise TruncatedFileError("the file is empty")
-    found = _detect(path) if format is None else _by_name(format)
+    found = _choose(path, format, columns)
     choices: ReadChoices = {
         "scan": scan,
         "surface_samples": surface_samples,
         "attributes": attributes,
         "weights": weights,
+        "columns": columns,
     }
     cloud = _read(found, path, limits or ReadLimits(), choices)
     if weights is None:
@@ -159,6 +163,18 @@ def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) 
         return format.read(path, limits, **chosen)
     except CloudFileError as error:
         raise type(error)(f"read as {format.name}: {error}") from None
+
+
+def _choose(path: Path, format: str | None, columns: int | None) -> Format:
+    """Return the declared format, or the detected one; rows of declared columns need neither."""
+    if format is not None:
+        return _by_name(format)
+    try:
+        return _detect(path)
+    except UnknownFormatError:
+        if columns is None:
+            raise
+        return _by_name("kitti")
 
 
 def _by_name(name: str) -> Format:

@@ -7,12 +7,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from service.formats import archives, e57, kitti, las, mesh, npy, pcd, ply, ptx, xyz
+from service.formats import (
+    archives,
+    colmap,
+    e57,
+    kitti,
+    las,
+    mesh,
+    npy,
+    pcd,
+    ply,
+    ptx,
+    splat,
+    vtk,
+    vtk_xml,
+    xyz,
+)
 from service.formats.decoded_cloud import DecodedCloud
 from service.formats.mesh import gltf
 from service.formats.mesh import text as mesh_text
 
-ReadChoice = Literal["scan", "surface_samples", "attributes", "weights"]
+ReadChoice = Literal["scan", "surface_samples", "attributes", "weights", "columns"]
 """Keyword arguments of `read_points` that only some formats know."""
 
 
@@ -94,6 +109,22 @@ FORMATS = (
         ("weights", "attributes"),
     ),
     Format(
+        "vtk",
+        "VTK, legacy files in ASCII or binary: the points of poly data and grids",
+        (".vtk",),
+        _starts_with(vtk.MAGIC),
+        vtk.read,
+        ("attributes",),
+    ),
+    Format(
+        "vtp",
+        "VTK in XML, text or binary, compressed by zlib or not: the points of poly data and grids",
+        (".vtp", ".vtu", ".vts"),
+        vtk_xml.sniff,
+        vtk_xml.read,
+        ("attributes",),
+    ),
+    Format(
         "gltf",
         "glTF 2.0 with its data inside: vertices, or samples of the surface",
         (".glb", ".gltf"),
@@ -151,11 +182,28 @@ FORMATS = (
         ("weights", "attributes"),
     ),
     Format(
+        "colmap",
+        "COLMAP's points3D.bin; points3D.txt is read as text",
+        (".bin",),
+        colmap.sniff,
+        colmap.read,
+        ("attributes",),
+    ),
+    Format(
+        "splat",
+        "Gaussian splats (.splat): their centres; PLY files of splats are read as PLY",
+        (".splat",),
+        splat.sniff,
+        splat.read,
+        ("attributes",),
+    ),
+    Format(
         "kitti",
-        "rows of four float32, x, y, z, intensity, without a header: only if declared",
+        "rows of float32, x, y, z, intensity, or 3 to 8 `columns`, without a header: only if "
+        "declared",
         (".bin",),
         None,
         kitti.read,
-        ("attributes",),
+        ("columns", "attributes"),
     ),
 )

@@ -83,6 +83,13 @@ class Reading(StrictModel):
         "or more; points of weight 0 do not affect the pose. Any method uses it. For PLY, PCD, "
         "LAS, LAZ, text with named columns, NPY with fields, NPZ. null: equal weights.",
     )
+    columns: int | None = Field(
+        default=None,
+        ge=3,
+        le=8,
+        description="Columns of float32 in each row of the format `kitti`: nuScenes has 5. "
+        "null: 4, x, y, z and intensity.",
+    )
 
 
 class Readings(StrictModel):

@@ -9,6 +9,7 @@ import json
 import struct
 import tempfile
 import zipfile
+import zlib
 from functools import cache
 from pathlib import Path
 
@@ -168,6 +169,63 @@ def kitti() -> bytes:
     return np.column_stack([POINTS, np.ones(40)]).astype("<f4").tobytes()
 
 
+def rows_of(columns: int) -> bytes:
+    """Float32 rows without a header: the points, intensity, and numbers of rings."""
+    others = [np.full(40, 0.5), *(np.full(40, float(number)) for number in range(4))]
+    return np.column_stack([POINTS, *others][: columns - 2]).astype("<f4").tobytes()
+
+
+def colmap() -> bytes:
+    """COLMAP's points3D.bin, with tracks of different lengths."""
+    content = struct.pack("<Q", 40)
+    for number, (x, y, z) in enumerate(DOUBLES.tolist()):
+        length = 2 + number % 3
+        content += struct.pack("<Q3d3BdQ", number + 7, x, y, z, 9, 8, 7, 0.5, length)
+        content += struct.pack(f"<{2 * length}i", *range(2 * length))
+    return content
+
+
+def splat() -> bytes:
+    rows = zip(POINTS.tolist(), range(40), strict=True)
+    return b"".join(
+        struct.pack("<6f8B", *point, 0.1, 0.2, 0.3, i, 2, 3, 255, 255, 128, 128, 128)
+        for point, i in rows
+    )
+
+
+def vtk(*, binary: bool = False) -> bytes:
+    """A legacy VTK file; in ASCII with three points a line."""
+    form = b"BINARY" if binary else b"ASCII"
+    head = b"# vtk DataFile Version 3.0\nby hand\n" + form + b"\nDATASET POLYDATA\n"
+    lines = text_rows(POINTS[:39].reshape(-1, 9)) + text_rows(POINTS[39:])
+    points = POINTS.astype(">f4").tobytes() + b"\n" if binary else lines
+    return head + b"POINTS 40 float\n" + points + b"VERTICES 1 2\n1 0\n"
+
+
+def vtp(form: str = "ascii", *, compressed: bool = False) -> bytes:
+    """VTK in XML: "ascii", "binary" (base64), "appended" (base64) or "raw"."""
+    data = POINTS.astype("<f4").tobytes()
+    packed = zlib.compress(data)
+    header = struct.pack("<4I", 1, len(data), 0, len(packed)) if compressed else b""
+    whole = [header, packed] if compressed else [struct.pack("<I", len(data)) + data]
+    text = b"".join(whole if form == "raw" else map(base64.b64encode, whole))
+    compressor = ' compressor="vtkZLibDataCompressor"' if compressed else ""
+    place = 'appended" offset="0' if form in ("appended", "raw") else form
+    inline = {"ascii": text_rows(POINTS), "binary": text}.get(form, b"")
+    encoding = "raw" if form == "raw" else "base64"
+    appended = f'<AppendedData encoding="{encoding}">\n_'.encode() + text + b"\n</AppendedData>"
+    return (
+        f'<?xml version="1.0"?>\n<VTKFile type="PolyData" byte_order="LittleEndian"{compressor}>'
+        f"<PolyData><Piece><PointData/><Points><DataArray type="
+        f'"Float32" NumberOfComponents="3" format="{place}">'
+    ).encode() + (
+        inline
+        + b"</DataArray></Points></Piece></PolyData>"
+        + (appended if form in ("appended", "raw") else b"")
+        + b"</VTKFile>\n"
+    )
+
+
 def zipped(content: bytes, name: str = "scans/../../../étage 2.ply") -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -190,6 +248,12 @@ def scanner_seeds() -> dict[str, bytes]:
         "glb": glb(),
         "ptx": ptx(),
         "pts": pts(),
+        "colmap": colmap(),
+        "splat": splat(),
+        "vtk": vtk(),
+        "vtk binary": vtk(binary=True),
+        "vtp": vtp(),
+        "vtp raw": vtp("raw", compressed=True),
         "gzip": gzip.compress(ply(), mtime=0),
         "zip": zipped(ply()),
     }

@@ -16,6 +16,7 @@ from service.formats.memory_map import map_file
 from service.formats.ply.faces import read_faces, skip_lines
 from service.formats.ply.header import PlyElement, PlyHeader, parse_header
 from service.formats.ply.rows import read_rows
+from service.formats.splat import WARNING as SPLAT_WARNING
 from service.formats.text_table import ends_with_newline, read_columns
 
 MAGIC = b"ply"
@@ -51,6 +52,8 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     if attributes:
         faces, more = read_faces(path, header, limits)
         warnings += more
+        if {"f_dc_0", "rot_0"} <= set(kept):
+            warnings += (SPLAT_WARNING,)
         lists = ", ".join(repr(item.name[:40]) for item in vertex.properties if item.count_type)
         warnings += (f"lists of the vertices are not kept: {lists}",) if lists else ()
     return DecodedCloud(

@@ -37,5 +37,5 @@ def test_rows_of_another_length_are_refused(tmp_path: Path, columns: int) -> Non
     rng = np.random.default_rng(0)
     extra = rng.integers(0, 255, (4000, columns - 3))
     rows = np.hstack([rng.normal(0, 20, (4000, 3)), extra]).astype("<f4")
-    with pytest.raises(MalformedFileError, match=r"columns as \.npy"):
+    with pytest.raises(MalformedFileError, match="set 'columns'"):
         read_points(write_file(tmp_path, rows.tobytes()), format="kitti")

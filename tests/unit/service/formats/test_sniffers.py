@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from service.formats import FORMATS, CloudFileError, UnknownFormatError, read_points, sniff
 from service.formats.foreign import foreign_format
 from service.formats.read import SNIFFED_BYTES
-from tests.factories.cloud_files import POINTS, seeds, text_rows
+from tests.factories.cloud_files import seeds
 from tests.factories.decoding import decode, write_file
 from tests.factories.scanner_files import kitti, scanner_seeds, stl_binary
 
@@ -129,8 +129,8 @@ def test_rounding_noise_does_not_hide_an_stl(tmp_path: Path, name: bytes) -> Non
 
 
 FOREIGN = {
-    "VTK": b"# vtk DataFile Version 3.0\ncloud\nASCII\nDATASET POLYDATA\nPOINTS 40 float\n"
-    + text_rows(POINTS),
+    "DWG": b"AC1027" + bytes(200),
+    "USD": b"#usda 1.0" + bytes(20),
     "STEP": b"ISO-10303-21;\nHEADER;\n",
     "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(200),
     "git lfs pull": b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"a" * 64,

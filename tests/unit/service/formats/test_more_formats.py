@@ -1,0 +1,91 @@
+"""Formats of other programs: COLMAP, VTK, Gaussian splats, rows of float32."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.formats import CloudFileError, MalformedFileError, read_points, sniff
+from tests.factories.cloud_files import POINTS, ply
+from tests.factories.decoding import write_file
+from tests.factories.scanner_files import colmap, rows_of, splat, vtk, vtp
+
+FORMS = ("ascii", "binary", "appended", "raw")
+FILES = {
+    "colmap": colmap(),
+    "splat": splat(),
+    "vtk": vtk(),
+    "vtk binary": vtk(binary=True),
+    "vtk CR LF": vtk().replace(b"\n", b"\r\n"),
+    **{f"vtp {form}": vtp(form) for form in FORMS},
+    **{f"vtp {form} zlib": vtp(form, compressed=True) for form in FORMS[1:]},
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_points_are_read(tmp_path: Path, name: str) -> None:
+    assert sniff(FILES[name]) == name.split()[0]
+    cloud = read_points(write_file(tmp_path, FILES[name]), attributes=True)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    assert cloud.format == name.split()[0]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_cut_files_are_errors(tmp_path: Path, name: str) -> None:
+    for length in (len(FILES[name]) // 2 - 3, len(FILES[name]) // 4 - 3):
+        with pytest.raises(CloudFileError):
+            read_points(write_file(tmp_path, FILES[name][:length]))
+
+
+@pytest.mark.parametrize("columns", range(3, 9))
+def test_rows_of_declared_columns(tmp_path: Path, columns: int) -> None:
+    path = write_file(tmp_path, rows_of(columns))
+    for format in (None, "kitti"):
+        cloud = read_points(path, format=format, columns=columns, attributes=True)
+        np.testing.assert_array_equal(cloud.points, POINTS)
+        assert len(cloud.attributes) == columns - 3
+    with pytest.raises(MalformedFileError, match="columns"):
+        read_points(write_file(tmp_path, rows_of(columns)[:-4]), columns=columns)
+    with pytest.raises(MalformedFileError, match="columns is set"):
+        read_points(write_file(tmp_path, ply()), columns=columns)
+
+
+def test_rows_that_are_no_coordinates_are_refused(tmp_path: Path) -> None:
+    content = np.random.default_rng(0).bytes(4 * 6 * 200)
+    with pytest.raises(MalformedFileError, match="number of columns"):
+        read_points(write_file(tmp_path, content), columns=6)
+
+
+def test_attributes_of_points_from_pictures(tmp_path: Path) -> None:
+    kept = read_points(write_file(tmp_path, colmap()), attributes=True).attributes
+    assert kept["red"].tolist() == [9] * 40
+    assert kept["point_id"].tolist() == list(range(7, 47))
+    assert kept["track_length"].tolist() == [2 + i % 3 for i in range(40)]
+
+
+def test_splats_are_named(tmp_path: Path) -> None:
+    cloud = read_points(write_file(tmp_path, splat()), attributes=True)
+    assert "splats" in cloud.warnings[0]
+    np.testing.assert_allclose(np.exp(cloud.attributes["scale_1"]), 0.2, rtol=1e-6)
+
+
+def test_data_sets_without_points_are_refused_by_name(tmp_path: Path) -> None:
+    content = vtk().replace(b"POLYDATA", b"STRUCTURED_POINTS")
+    with pytest.raises(CloudFileError, match="STRUCTURED_POINTS"):
+        read_points(write_file(tmp_path, content))
+    content = vtp().replace(b"PolyData", b"ImageData")
+    with pytest.raises(CloudFileError, match="ImageData"):
+        read_points(write_file(tmp_path, content))
+    content = vtp().replace(b"<VTKFile", b"<!DOCTYPE a><VTKFile")
+    with pytest.raises(CloudFileError, match="document type"):
+        read_points(write_file(tmp_path, content))
+
+
+def test_announced_counts_are_checked(tmp_path: Path) -> None:
+    huge = struct.pack("<Q", 1 << 40)
+    for content in (huge + colmap()[8:], vtk().replace(b"POINTS 40 ", b"POINTS 99999999999 ")):
+        with pytest.raises(CloudFileError):
+            read_points(write_file(tmp_path, content))
