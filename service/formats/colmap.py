@@ -70,12 +70,12 @@ def _find_offsets(content: memoryview, count: int) -> NDArray[np.int64]:
     offsets = np.empty(count, np.int64)
     offset, size, read_length = _COUNT.size, _POINT.itemsize, _COUNT.unpack_from
     for number in range(count):
-        offsets[number] = offset
         end = offset + size
         if end > len(content):
             raise TruncatedFileError(
                 f"byte {offset}: the file ends after {number} of {count} points"
             )
+        offsets[number] = offset
         offset = end + _PAIR_BYTES * read_length(content, end - _COUNT.size)[0]
     if offset > len(content):
         raise TruncatedFileError("the file ends within the track of its last point")

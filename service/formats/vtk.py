@@ -73,7 +73,7 @@ def _check_header(head: bytes) -> bytes:
 
 def _read_ascii(path: Path, offset: int, count: int) -> NDArray[np.float64]:
     """Read numbers between blanks, whatever the number in a line."""
-    parts: list[NDArray[np.float64]] = []
+    parts: list[NDArray[np.float64]] = [np.empty(0)]
     left = count
     with path.open("rb") as file:
         file.seek(offset)

@@ -140,7 +140,8 @@ def _load(
         raise
     except Exception as error:  # noqa: BLE001  trimesh raises nearly anything on damaged files
         raise MalformedFileError(f"the mesh cannot be read: {short_reason(error)}") from None
-    names = [name for name in attributes[0] if all(name in part for part in attributes)]
+    first = attributes[0] if attributes else {}
+    names = [name for name in first if all(name in part for part in attributes)]
     kept = {name: np.concatenate([part[name] for part in attributes]) for name in names}
     return np.concatenate(vertices), np.concatenate(faces), kept
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.column_names import find_normals, find_xyz
+from service.formats.column_types import restore_type
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.libraries import import_library
@@ -70,7 +71,7 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
         columns, warnings = decode(map_file(path), header, fields)
     dtype = _precision(header, xyz)
     kept = {
-        _field_name(header, place, part): column.astype(header.types[place][1:])
+        _field_name(header, place, part): restore_type(column, header.types[place][1:])
         for (place, part), column in zip(fields[3:], columns[3:], strict=True)
     }
     return DecodedCloud(

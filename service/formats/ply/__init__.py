@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.column_types import restore_type
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.memory_map import map_file
@@ -48,7 +49,7 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     dtype = _coordinate_type(vertex)
     normals = table[:, 3:6].astype(dtype, copy=False) if _NORMALS[0] in wanted[3:4] else None
     types = {item.name: item.type for item in vertex.properties}
-    kept = {name: table[:, i].astype(types[name]) for i, name in enumerate(wanted) if i > 2}
+    kept = {name: restore_type(table[:, i], types[name]) for i, name in enumerate(wanted) if i > 2}
     if attributes:
         faces, more = read_faces(path, header, limits)
         warnings += more

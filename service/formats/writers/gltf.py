@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.colors import RGB
-from service.formats.writers.outgoing import Outgoing
+from service.formats.writers.outgoing import Outgoing, to_float32
 
 _FLOAT, _BYTE, _INDEX = 5126, 5121, 5125
 """Component types of glTF: float32, uint8, uint32."""
@@ -66,7 +66,7 @@ def write(path: Path, cloud: Outgoing) -> None:
 
 
 def _add_positions(document: _Document, points: NDArray[np.float64]) -> int:
-    positions = points.astype("<f4")
+    positions = to_float32(points)
     bounds = (
         {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
         if len(positions)
@@ -87,8 +87,7 @@ def _unit_normals(cloud: Outgoing) -> NDArray[Any] | None:
 
 
 def _to_float32(cloud: Outgoing, name: str, column: NDArray[Any]) -> NDArray[Any]:
-    with np.errstate(over="ignore"):
-        rounded = column.astype("<f4")
+    rounded = to_float32(column)
     if not np.array_equal(rounded, column, equal_nan=column.dtype.kind == "f"):
         cloud.notes.append(f"{name[:40]!r} is rounded to float32")
     return rounded

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from service.formats.colors import find_colors
 from service.formats.errors import UnsupportedFileError
-from service.formats.writers.outgoing import Outgoing
+from service.formats.writers.outgoing import Outgoing, to_float32
 
 _BLOCK_ROWS = 100_000
 """Rows that are turned into text at once, to bound the memory."""
@@ -60,7 +60,7 @@ def write_stl(path: Path, cloud: Outgoing) -> None:
     normals = np.divide(normals, sizes, out=np.zeros_like(normals), where=sizes > 0)
     layout = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
     rows = np.zeros(len(corners), layout)
-    rows["normal"], rows["corners"] = normals, corners
+    rows["normal"], rows["corners"] = normals, to_float32(corners)
     with path.open("wb") as file:
         file.write(b"binary STL".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())
 
@@ -69,7 +69,7 @@ def note_float32(cloud: Outgoing) -> None:
     """Note by how much float32 rounds the coordinates, if they are in float64."""
     if cloud.points.dtype == np.float32 or len(cloud.points) == 0:
         return
-    rounded = np.abs(cloud.points - cloud.points.astype(np.float32)).max()
+    rounded = np.abs(cloud.points - to_float32(cloud.points)).max()
     if rounded > 0:
         cloud.notes.append(f"the coordinates are rounded to float32, by up to {rounded:.2g}")
 

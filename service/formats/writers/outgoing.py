@@ -108,7 +108,7 @@ class Outgoing:
         finite = self.points[np.isfinite(self.points).all(axis=1)]
         if self.points.dtype == np.float32 or len(finite) == 0:
             return
-        rounded = float(np.abs(finite - finite.astype(np.float32)).max())
+        rounded = float(np.abs(finite - to_float32(finite)).max())
         if rounded > MAX_FLOAT32_ROUNDING * np.ptp(finite, axis=0).max():
             self.notes.append(
                 "the coordinates are in float64, which many viewers do not read from this format; "
@@ -140,6 +140,12 @@ class Outgoing:
         free = f"attribute_{name.strip()}".rstrip("_")
         self.notes.append(f"the attribute {name!r} is called {free!r}, as it is no coordinate")
         return free
+
+
+def to_float32(values: NDArray[np.generic]) -> NDArray[np.float32]:
+    """Round to float32; values beyond its range become infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)
 
 
 def to_rows(points: NDArray[np.floating], columns: Columns) -> NDArray[np.void]:

@@ -84,6 +84,17 @@ def test_data_sets_without_points_are_refused_by_name(tmp_path: Path) -> None:
         read_points(write_file(tmp_path, content))
 
 
+def test_meshes_and_files_without_points_are_refused_or_empty(tmp_path: Path) -> None:
+    for content in (b"solid a\nfacet\nendsolid a\n", colmap()[:8].replace(b"(", b"\0") + bytes(60)):
+        with pytest.raises(CloudFileError):
+            read_points(write_file(tmp_path, content), attributes=True)
+    none = vtk().replace(b"POINTS 40 ", b"POINTS 0 ")
+    assert read_points(write_file(tmp_path, none)).points.shape == (0, 3)
+    long = struct.pack("<Q", 2) + colmap()[8:51] + b"\xff" * 8 + bytes(200)
+    with pytest.raises(CloudFileError):
+        read_points(write_file(tmp_path, long), format="colmap")
+
+
 def test_announced_counts_are_checked(tmp_path: Path) -> None:
     huge = struct.pack("<Q", 1 << 40)
     for content in (huge + colmap()[8:], vtk().replace(b"POINTS 40 ", b"POINTS 99999999999 ")):

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import TruncatedFileError
+from service.formats import TruncatedFileError, read_points
 from tests.factories.cloud_files import POINTS, ply
-from tests.factories.decoding import decode, decode_frugally, reason_of_refusal
+from tests.factories.decoding import decode, decode_frugally, reason_of_refusal, write_file
 
 
 def test_trailing_bytes_are_reported(tmp_path: Path) -> None:
@@ -43,3 +43,12 @@ def test_a_cut_names_the_byte(tmp_path: Path) -> None:
 def test_empty_elements_need_no_properties(tmp_path: Path, form: str) -> None:
     content = ply(form).replace(b"end_header", b"element face 0\nend_header")
     np.testing.assert_array_equal(decode(tmp_path, content).points, POINTS)
+
+
+def test_numbers_beyond_their_type_do_not_wrap(tmp_path: Path) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+    head += "property float z\nproperty uchar a\nproperty uchar b\nend_header\n"
+    content = (head + "1 2 3 300 7\n4 5 6 1 8\n").encode()
+    kept = read_points(write_file(tmp_path, content), attributes=True).attributes
+    assert kept["a"].tolist() == [300, 1]
+    assert kept["b"].dtype == np.uint8
