@@ -23,6 +23,9 @@ SEARCHES: tuple[Search, ...] = ("global", "sparse")
 FieldMethod = Literal["tree", "exact"]
 FIELDS: tuple[FieldMethod, ...] = ("tree", "exact")
 
+Scale = Literal["fixed", "units", "free"] | tuple[float, float]
+SCALES = ("fixed", "units", "free")
+
 ACCEPTANCE_THRESHOLD = 0.5
 """Confidence from which on a pose counts as right."""
 
@@ -91,6 +94,12 @@ class RegistrationOptions:
     """Largest distance of the source's centre from where initial_transform puts it, in the unit of
     the input. None: half a radius of the smaller cloud."""
 
+    scale: Scale = "fixed"
+    """Whether the source may be scaled. "fixed": never; where a refused pair would fit in other
+    units, a warning names them. "units": by the factor between two of millimetres, centimetres,
+    inches, feet, metres and kilometres where one unit does not fit. "free": by any factor, from
+    that of the sizes on. Or [least, most]: by a factor in this range."""
+
     source_gravity: Vector | None = None
     """Direction of gravity in the source's frame, of any length. With target_gravity, the search
     keeps within 15 degrees of poses that align both."""
@@ -128,6 +137,7 @@ class RegistrationOptions:
             raise InvalidOptionsError(f"search must be one of {SEARCHES}, got {self.search!r}")
         if self.field not in FIELDS:
             raise InvalidOptionsError(f"field must be one of {FIELDS}, got {self.field!r}")
+        self._check_scale()
         _check_count("sample_size", self.sample_size, minimum=3)
         _check_count("max_iterations", self.max_iterations, minimum=1)
         _check_count("seed", self.seed, minimum=0)
@@ -153,6 +163,20 @@ class RegistrationOptions:
                 raise InvalidOptionsError(f"{name} needs initial_transform: give both or neither")
         self._check_purpose()
 
+    def _check_scale(self) -> None:
+        if isinstance(self.scale, str):
+            if self.scale not in SCALES:
+                raise InvalidOptionsError(
+                    f"scale must be one of {SCALES} or [least, most], got {self.scale!r}"
+                )
+            return
+        least, most = _numbers("scale", self.scale, (2,)).tolist()
+        if not 0 < least <= most:
+            raise InvalidOptionsError(
+                f"scale must be [least, most] with 0 < least <= most, got {self.scale!r}"
+            )
+        self._replace("scale", (least, most))
+
     def _check_vectors(self, *names: str) -> None:
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) == 1:
@@ -173,8 +197,8 @@ class RegistrationOptions:
         if self.method == "mpl" and self.search == "global":
             return
         searched = ("max_rotation_deg", "max_translation", "voxel_size")
-        for name in ("source_gravity", "source_viewpoint", "yaw_only", *searched):
-            if getattr(self, name):
+        for name in ("source_gravity", "source_viewpoint", "yaw_only", "scale", *searched):
+            if getattr(self, name) not in (None, False, "fixed"):
                 raise InvalidOptionsError(
                     f'{name} needs method "mpl" with search "global", got method'
                     f' "{self.method}" with search "{self.search}"'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -117,13 +118,15 @@ class PosePipeline:
                 lambda T: self.scorer.score(T).on_surface_fraction,
             )
 
-    def run(self, progress: Progress) -> list[ScoredPose]:
+    def run(
+        self, progress: Progress, levels: Sequence[SearchLevel] = SEARCH_LEVELS
+    ) -> list[ScoredPose]:
         """Find the pose with the best evidence, followed by those that fit as well.
 
         Levels of the search follow one another until one finds a pose that convinces.
         """
         poses: list[ScoredPose] = []
-        for level in SEARCH_LEVELS:
+        for level in levels:
             with progress.stage("search") as report:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:

@@ -83,7 +83,12 @@ class Registration:
     free_directions: NDArray[np.float64]
     """(K, 6) such motions along which the surfaces slide on themselves, so that the pose is
     undetermined: none for most shapes, one along a street, three for a plane or a sphere."""
+    scale: float
+    """Factor that the transform scales the source by: 1 unless `scale` of the options allows
+    another. The transform is then a similarity, x_target = scale R x_source + t."""
     warnings: tuple[str, ...]
     """What a caller should know before using the result, in words."""
     timing: dict[str, float]
     """Seconds by stage: prepare, search, refine, inliers, total."""
+    scale_deviation: float = 0.0
+    """Standard deviation of the scale where it is estimated, else 0."""

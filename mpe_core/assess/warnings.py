@@ -11,7 +11,6 @@ from mpe_core.assess.confidence import (
 )
 from mpe_core.clouds.no_data import Kind
 from mpe_core.clouds.normalize import CloudPair
-from mpe_core.clouds.unit_check import describe_unit_mismatch
 from mpe_core.result import Registration
 
 NO_DATA_TEXTS: dict[Kind, str] = {
@@ -73,9 +72,6 @@ def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[str]:
         " different things"
     )
     yield from _about_contradictions(evidence)
-    mismatch = describe_unit_mismatch(*pair.radii())
-    if mismatch:
-        yield mismatch
 
 
 def _about_contradictions(evidence: Evidence) -> Iterator[str]:

@@ -1,35 +1,51 @@
-"""Detection of clouds in different units of length."""
+"""Units of length that two clouds of unlike size may be in."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import permutations
+
 import numpy as np
 
-UNIT_FACTORS = {
-    25.4: "millimetres and inches",
-    39.37: "inches and metres",
-    100.0: "centimetres and metres",
-    304.8: "millimetres and feet",
-    1000.0: "millimetres and metres",
+METRES = {
+    "millimetres": 1e-3,
+    "centimetres": 1e-2,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "metres": 1.0,
+    "kilometres": 1e3,
 }
-"""Factors between common units of length."""
+"""Units in metres. The US survey foot is two parts in a million longer than the foot."""
 
-SIZE_TOL = 1.5
+SIZE_TOL = 1.6
 """Factor by which scans of one thing may differ in size."""
 
+MAX_GUESSES = 3
+"""Factors that are tried, the nearest to the ratio of the sizes first."""
 
-def describe_unit_mismatch(source_radius: float, target_radius: float) -> str | None:
-    """Say which units the clouds of these radii may be in; None if their ratio suits none.
 
-    Scale is not estimated, so that a registration of clouds in different units fails.
+@dataclass(frozen=True, slots=True)
+class UnitChange:
+    """Units of both clouds, and the factor between them."""
+
+    source: str
+    """Unit of the source."""
+    target: str
+    """Unit of the target."""
+    factor: float
+    """What turns lengths of the source into those of the target."""
+
+
+def guess_units(source_radius: float, target_radius: float) -> list[UnitChange]:
+    """Guess the units of clouds with these radii, the likeliest first; none where one unit suits.
+
+    Of pairs with one factor, millimetres and metres or metres and kilometres, the first is named.
     """
     ratio = target_radius / source_radius
-    size = max(ratio, 1 / ratio)
-    factor = min(UNIT_FACTORS, key=lambda known: abs(np.log(size / known)))
-    if not factor / SIZE_TOL <= size <= factor * SIZE_TOL:
-        return None
-    larger, smaller = ("target", "source") if ratio > 1 else ("source", "target")
-    return (
-        f"the {larger} is {size:.4g} times as large as the {smaller}: are they in"
-        f" {UNIT_FACTORS[factor]} (a factor of {factor:g})? Scale is not estimated: convert both"
-        " clouds to one unit"
-    )
+    guesses: dict[float, UnitChange] = {}
+    for source, target in permutations(METRES, 2):
+        factor = METRES[source] / METRES[target]
+        if max(ratio / factor, factor / ratio) <= SIZE_TOL:
+            guesses.setdefault(round(float(np.log(factor)), 3), UnitChange(source, target, factor))
+    ordered = sorted(guesses.values(), key=lambda guess: abs(np.log(ratio / guess.factor)))
+    return ordered[:MAX_GUESSES]

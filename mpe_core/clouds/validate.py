@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +43,21 @@ class Cloud:
     """(N,) the caller's weights K_i, at least 3 of them above 0."""
     no_data: tuple[NoData, ...] = ()
     """Rows that were left out because they stand for no point."""
+
+    def scaled(self, factor: float) -> Cloud:
+        """Return the cloud with its coordinates times a factor above 0."""
+        points = self.points * factor
+        return replace(self, points=points, extent=measure_extent(points))
+
+    def mirrored(self) -> Cloud:
+        """Return the cloud with x turned to -x."""
+        points = self.points * (-1, 1, 1)
+        return replace(self, points=points, extent=measure_extent(points))
+
+    def spread(self) -> float:
+        """Root mean square distance of the points from their mean."""
+        points = self.weighted(self.points)
+        return float(np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean()))
 
     def original_index(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the caller's array, for rows of `points`."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from mpe_core import RegistrationOptions
-from mpe_core.options import Matrix, Vector
+from mpe_core.options import Matrix, Scale, Vector
 from service.cli.pose_file import read_pose
 from service.clouds.inputs import CLOUD_ROLES
 from service.schemas import Reading, describe_options
@@ -64,10 +64,16 @@ def _argument_form(hint: Any) -> dict[str, Any]:
         return {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
     if hint == Matrix | None:
         return {"type": Path, "metavar": "FILE"}
+    if hint == Scale:
+        return {"type": _scale, "metavar": "fixed|units|free|LEAST,MOST"}
     kinds = get_args(hint) or (hint,)
     if all(isinstance(kind, str) for kind in kinds):
         return {"type": str, "choices": kinds}
     return {"type": kinds[0], "metavar": kinds[0].__name__.upper()}
+
+
+def _scale(word: str) -> str | tuple[float, ...]:
+    return tuple(map(float, word.split(","))) if "," in word else word
 
 
 def parse_options(arguments: argparse.Namespace) -> RegistrationOptions:

@@ -139,7 +139,8 @@ source      {len(source.points)} points ({source.format})
 target      {len(target.points)} points ({target.format})
 T_target_source
 {rows}
-rotation    {rotation_error(T, np.eye(4)):.4f} degrees
+rotation    {rotation_error(T[:3, :3] / registration.scale, np.eye(3)):.4f} degrees
+scale       {registration.scale:.9g}
 inliers     {len(registration.inliers)} pairs closer than {registration.inliers.threshold:.4g}
 overlap     {100 * registration.overlap:.1f} % of the source
 rmse        {registration.rmse:.4g} of the inliers

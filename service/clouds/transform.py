@@ -25,15 +25,16 @@ def transform_cloud(cloud: DecodedCloud, T: NDArray[np.float64]) -> DecodedCloud
     Parameters
     ----------
     T : (4, 4)
-        Rigid transform.
+        Rigid transform, or a similarity; directions are turned, and not scaled.
 
     Returns
     -------
     DecodedCloud
         The points become float64 unless they were float32 and still fit into it.
     """
-    R = T[:3, :3]
-    points = cloud.points.astype(np.float64) @ R.T + T[:3, 3]
+    scale = np.cbrt(np.linalg.det(T[:3, :3]))
+    R = T[:3, :3] if abs(scale - 1) < 1e-9 else T[:3, :3] / scale
+    points = cloud.points.astype(np.float64) @ T[:3, :3].T + T[:3, 3]
     if cloud.points.dtype == np.float32 and _fits_float32(points):
         points = points.astype(np.float32)
     attributes = list_attributes(cloud)

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from mpe_core.geometry.transform_forms import QUATERNIONS, read_rigid_transform
-from mpe_core.options import RegistrationOptions, Vector
+from mpe_core.options import SCALES, RegistrationOptions, Scale, Vector
 from service.schemas.base import check_field_names, whole_as_int
 
 OPTION_NAMES = tuple(field.name for field in fields(RegistrationOptions))
@@ -35,6 +35,7 @@ SCHEMA_BOUNDS: dict[str, dict[str, float]] = {
 _HINTS = get_type_hints(RegistrationOptions)
 _SHAPES: dict[Any, tuple[tuple[int, ...], str]] = {
     Vector | None: ((3,), "a list of 3 numbers, x, y, z, or null"),
+    Scale: ((2,), f"one of {', '.join(SCALES)}, or a list of 2 numbers, least and most"),
 }
 
 
@@ -65,7 +66,11 @@ def _read_transform(value: object) -> object:
 
 def _has_shape(name: str, value: object) -> bool:
     shape, _ = _SHAPES.get(_HINTS[name], ((), ""))
-    return value is None or _is_nested_list(value, shape)
+    if isinstance(value, str) and name == "scale":
+        return value in SCALES
+    if value is None and name != "scale":
+        return True
+    return _is_nested_list(value, shape)
 
 
 def _is_nested_list(value: object, shape: tuple[int, ...]) -> bool:

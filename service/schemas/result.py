@@ -35,7 +35,14 @@ class Result(ResponseModel):
 
     transform: Matrix4x4 = Field(
         description="4x4 rigid transform, row-major, for column vectors: "
-        "x_target = R x_source + t; the last column in the input's unit."
+        "x_target = R x_source + t; the last column in the input's unit. Where the option scale "
+        "allows it, a similarity: x_target = scale R x_source + t."
+    )
+    scale: float = Field(
+        gt=0, description="Factor of the transform; 1 unless the option scale allows another."
+    )
+    scale_deviation: float = Field(
+        ge=0, description="Standard deviation of the scale where it is estimated, else 0."
     )
     rotation: Rotation
     translation: Vector3 = Field(description="t of the transform, in the input's unit.")

@@ -25,7 +25,7 @@ def render_result(found: Registration) -> bytes:
     from scipy.spatial.transform import Rotation as SciPyRotation
 
     T = found.T_target_source
-    rotation = SciPyRotation.from_matrix(T[:3, :3])
+    rotation = SciPyRotation.from_matrix(T[:3, :3] / found.scale)
     return (
         Result(
             transform=T.tolist(),
@@ -34,6 +34,8 @@ def render_result(found: Registration) -> bytes:
                 angle_deg=float(np.degrees(rotation.magnitude())),
             ),
             translation=T[:3, 3].tolist(),
+            scale=found.scale,
+            scale_deviation=found.scale_deviation,
             overlap=found.overlap,
             rmse=found.rmse,
             energy=found.energy,

@@ -88,6 +88,8 @@ def result_files() -> dict[str, bytes]:
     """Make the files of a registration as its child leaves them: a result and two pairs."""
     zeros = [[0.0] * 6 for _ in range(6)]
     result = Result(
+        scale=1.0,
+        scale_deviation=0.0,
         transform=np.eye(4).tolist(),
         rotation=Rotation(quaternion_xyzw=[0.0, 0.0, 0.0, 1.0], angle_deg=0.0),
         translation=[0.0, 0.0, 0.0],

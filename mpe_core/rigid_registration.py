@@ -1,0 +1,179 @@
+"""Registration of two checked clouds at one scale, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.assess.coincidence import (
+    CoincidenceEvidence,
+    are_scattered,
+    doubt,
+    find_coincidences,
+)
+from mpe_core.assess.energy import p2_energy
+from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
+from mpe_core.assess.warnings import describe_warnings
+from mpe_core.clouds.normalize import CloudPair, normalize_pair
+from mpe_core.clouds.preprocess import prepare_clouds
+from mpe_core.clouds.validate import Cloud
+from mpe_core.geometry.nearest import nearest_rows
+from mpe_core.geometry.rigid import apply
+from mpe_core.options import RegistrationOptions
+from mpe_core.paper.methods import run_paper_method
+from mpe_core.pipeline import PosePipeline, ScoredPose, select_distinct
+from mpe_core.progress import Progress
+from mpe_core.refine.covariance import PoseUncertainty, paired_points_uncertainty
+from mpe_core.refine.minimum import Minimum
+from mpe_core.result import Registration
+from mpe_core.search.pose_prior import PosePrior
+from mpe_core.search.pose_search import SEARCH_LEVELS, SearchLevel
+
+ENERGY_EPS = 0.03
+"""eps of the reported P2 energy, in radii of the smaller cloud."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """Registration at one scale, with what found it."""
+
+    found: Registration
+    """Result, whose transform is rigid."""
+    best: ScoredPose
+    """Its pose and the evidence, between the normalized clouds."""
+    pipeline: PosePipeline
+    """What matched the clouds."""
+    pair: CloudPair
+    """The normalized clouds."""
+
+
+def register_rigidly(
+    source: Cloud,
+    target: Cloud,
+    options: RegistrationOptions,
+    progress: Progress,
+    *,
+    levels: Sequence[SearchLevel] = SEARCH_LEVELS,
+    start: NDArray[np.float64] | None = None,
+) -> Attempt:
+    """Find the rigid pose that lays the source on the target.
+
+    Parameters
+    ----------
+    source, target
+        Checked clouds.
+    options
+        Options of the registration; `scale` is not read.
+    progress
+        Takes stages and times.
+    levels
+        Levels of the search.
+    start
+        (4, 4) pose between the caller's clouds, to be refined without a search.
+    """
+    with progress.stage("prepare") as report:
+        pair = normalize_pair(source, target)
+        report(0.3)
+        clouds = prepare_clouds(pair, options)
+        report(0.8)
+        prior = PosePrior.from_options(options, pair)
+        pipeline = PosePipeline(*clouds, prior, options, pair.size_ratio)
+    if start is None:
+        best, *others = _find_poses(pipeline, pair, options, progress, levels)
+    else:
+        best, others = pipeline.refine(pair.from_caller(start)), []
+    minimum = best.minimum
+    with progress.stage("refine"):
+        uncertainty = _estimate_uncertainty(pipeline, pair, best)
+        # about the moved source's centroid, which is the origin of the normalized source
+        uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
+    with progress.stage("inliers"):
+        distances = pipeline.planes.match(minimum.T).distances()
+        estimate = estimate_inlier_threshold(
+            distances, options.overlap, pipeline.planes.point_spacing()
+        )
+        inliers = find_inliers(pair, minimum.T, options.inlier_threshold or estimate * pair.unit)
+    result = Registration(
+        T_target_source=pair.to_caller(minimum.T),
+        inliers=inliers,
+        overlap=len(inliers) / len(pair.source),
+        rmse=inliers.rmse(),
+        energy=p2_energy(distances, ENERGY_EPS),
+        converged=minimum.converged,
+        iterations=minimum.iterations,
+        confidence=best.evidence.confidence,
+        accepted=best.evidence.accepted,
+        ambiguous=len(others) > 0,
+        alternatives=_in_caller_frames(pair, others),
+        covariance=uncertainty.covariance,
+        free_directions=uncertainty.degenerate_directions,
+        warnings=(),
+        scale=1.0,
+        timing=progress.finish(),
+    )
+    warnings = describe_warnings(pair, best.evidence, result)
+    return Attempt(replace(result, warnings=warnings), best, pipeline, pair)
+
+
+def _find_poses(
+    pipeline: PosePipeline,
+    pair: CloudPair,
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel],
+) -> list[ScoredPose]:
+    """Best pose by the chosen method, followed by those that fit as well."""
+    if options.method == "mpl" and options.search == "global":
+        return _find_by_search(pipeline, pair, options, progress, levels)
+    minimum = run_paper_method(pair, options, progress)
+    return [ScoredPose(minimum, pipeline.scorer.score(minimum.T))]
+
+
+def _find_by_search(
+    pipeline: PosePipeline,
+    pair: CloudPair,
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel],
+) -> list[ScoredPose]:
+    """Poses of few points that correspond one by one, or else of the search."""
+    source = pair.source_cloud.weighted(pair.source)
+    target = pair.target_cloud.weighted(pair.target)
+    coincidences = find_coincidences(source, target, options.seed)
+    if coincidences is None:
+        return pipeline.run(progress, levels)
+    poses = np.array([T for T, _ in coincidences]).reshape(-1, 4, 4)
+    certain = [
+        ScoredPose(Minimum(T, converged=True, iterations=1), evidence)
+        for (T, evidence), is_allowed in zip(coincidences, pipeline.allows(poses), strict=True)
+        if is_allowed and evidence.accepted
+    ]
+    if certain:
+        return select_distinct(certain)
+    found = pipeline.run(progress, levels)
+    if not (are_scattered(source) and are_scattered(target)):
+        return found
+    alarms = min((evidence.log_false_alarms for _, evidence in coincidences), default=0.0)
+    return [replace(found[0], evidence=doubt(found[0].evidence, max(alarms, 0.0)))]
+
+
+def _estimate_uncertainty(
+    pipeline: PosePipeline, pair: CloudPair, pose: ScoredPose
+) -> PoseUncertainty:
+    evidence, T = pose.evidence, pose.minimum.T
+    if not (isinstance(evidence, CoincidenceEvidence) and evidence.accepted):
+        return pipeline.refiner.uncertainty(pose.minimum)
+    moved = apply(T, pair.source)
+    distances = np.linalg.norm(
+        moved - pair.target[nearest_rows(moved, pair.target, np.inf)], axis=1
+    )
+    near = distances <= evidence.reach
+    return paired_points_uncertainty(moved[near], distances[near])
+
+
+def _in_caller_frames(pair: CloudPair, poses: list[ScoredPose]) -> NDArray[np.float64]:
+    """(K, 4, 4) poses between the caller's clouds."""
+    return np.array([pair.to_caller(pose.minimum.T) for pose in poses]).reshape(-1, 4, 4)

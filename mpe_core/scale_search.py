@@ -1,0 +1,227 @@
+"""Registration at the scale that the options allow: one, a change of units, or any."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.clouds.normalize import normalize_pair
+from mpe_core.clouds.unit_check import guess_units
+from mpe_core.clouds.validate import Cloud
+from mpe_core.options import RegistrationOptions
+from mpe_core.progress import Progress
+from mpe_core.refine.scale import ScaleStep, estimate_scale_step
+from mpe_core.refine.swapped import SwappedPointToPlane
+from mpe_core.result import Registration
+from mpe_core.rigid_registration import Attempt, register_rigidly
+from mpe_core.search.pose_search import SEARCH_LEVELS
+
+Array = NDArray[np.float64]
+
+QUICK_LEVELS = SEARCH_LEVELS[:2]
+"""Levels of the search at a scale that is only tried."""
+
+FREE_RATIOS = (1.0, 0.8, 1.25, 0.64, 1.56)
+"""Scales that "free" starts from, over the ratio of the radii; the search bears a tenth."""
+
+GRID_STEP, MAX_GRID = 1.15, 24
+"""Ratio between the scales that a range starts from, and their largest number."""
+
+SURE_CONFIDENCE = 0.97
+"""Confidence from which on the scale is not doubted: street scans of the right one have 0.99."""
+
+MIN_WRONG_SCALE, MIN_GAIN, WRONG_SCALE_CONFIDENCE = 0.03, 1.15, 0.3
+"""Logarithm of the scale next to an accepted pose, and gain of the points on the surface, from
+which on the pose is refused; and its confidence then."""
+
+MAX_STEPS, STEP_TOL = 12, 1e-6
+"""Steps of the scale, and the last step's logarithm at which it stops."""
+
+MAX_STEP = 0.1
+"""Largest logarithm of one step."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Scaled:
+    """Attempt with the source scaled by a factor."""
+
+    scale: float
+    attempt: Attempt
+    deviation: float = 0.0
+
+    def result(self) -> Registration:
+        """Return the result with a similarity in place of the rigid transform."""
+        found, S = self.attempt.found, np.diag([self.scale] * 3 + [1.0])
+        return replace(
+            found,
+            T_target_source=found.T_target_source @ S,
+            alternatives=found.alternatives @ S,
+            scale=self.scale,
+            scale_deviation=self.deviation,
+        )
+
+
+def register_scaled(
+    source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
+) -> Registration:
+    """Find the pose at the scale of the options.
+
+    Parameters
+    ----------
+    source, target
+        Checked clouds.
+    options
+        Options of the registration.
+    progress
+        Takes stages and times.
+    """
+    if options.scale not in ("fixed", "units"):
+        return _register_free(source, target, options, progress).result()
+    if options.scale == "units":
+        return _register_units(source, target, options, progress)
+    first = register_rigidly(source, target, options, progress)
+    if first.found.accepted:
+        return _doubt_scale(source, target, first, options, progress)
+    return _with_cause(first.found, _name_cause(source, target, first, options, progress))
+
+
+def _register_units(
+    source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
+) -> Registration:
+    """Find the units that fit; one unit where none do."""
+    for guess in guess_units(*normalize_pair(source, target).radii()):
+        attempt = register_rigidly(
+            source.scaled(guess.factor), target, options, progress, levels=QUICK_LEVELS
+        )
+        if attempt.found.accepted:
+            text = (
+                f"the source is taken to be in {guess.source} and the target in {guess.target}:"
+                f" the transform scales by {guess.factor:.6g}"
+            )
+            return _with_cause(_Scaled(guess.factor, attempt).result(), text)
+    return register_rigidly(source, target, options, progress).found
+
+
+def _doubt_scale(
+    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
+) -> Registration:
+    """Refuse an accepted pose next to which the clouds fit much better at another scale."""
+    if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
+        return first.found
+    refined = _refine_scale(source, target, _Scaled(1.0, first), options, progress)
+    if abs(np.log(refined.scale)) < MIN_WRONG_SCALE:
+        return first.found
+    before, after = (each.best.evidence for each in (first, refined.attempt))
+    gain = after.on_surface_fraction * after.surface_agreement
+    if gain < MIN_GAIN * before.on_surface_fraction * before.surface_agreement:
+        return first.found
+    text = (
+        f"the clouds fit better with the source scaled by {refined.scale:.4g}: check the scale of"
+        ' both, or set scale to "free"'
+    )
+    doubted = replace(
+        first.found,
+        accepted=False,
+        confidence=min(first.found.confidence, WRONG_SCALE_CONFIDENCE),
+    )
+    return _with_cause(doubted, text)
+
+
+def _name_cause(
+    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
+) -> str | None:
+    """Name what would make a refused pair fit: other units, or the other hand."""
+    if options.initial_transform is not None or options.method != "mpl":
+        return None
+    for guess in guess_units(*first.pair.radii()):
+        trial = register_rigidly(
+            source.scaled(guess.factor), target, options, progress, levels=QUICK_LEVELS
+        )
+        if trial.found.accepted:
+            larger = max(guess.factor, 1 / guess.factor)
+            names = ("target", "source") if guess.factor > 1 else ("source", "target")
+            return (
+                f"the {names[0]} is {larger:.6g} times as large as the {names[1]}: they fit with"
+                f" the source in {guess.source} and the target in {guess.target}. Convert both to"
+                ' one unit, or set scale to "units"'
+            )
+    trial = register_rigidly(source.mirrored(), target, options, progress, levels=QUICK_LEVELS)
+    if trial.found.accepted:
+        return (
+            "the clouds are mirror images: mirrored (x turned to -x), the source fits. Look for a"
+            " left-handed or swapped axis in the export of one of them"
+        )
+    return None
+
+
+def _register_free(
+    source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
+) -> _Scaled:
+    """Try scales within the bounds, and refine the best."""
+    scales = _start_scales(source, target, options.scale)
+    tried: list[_Scaled] = []
+    for scale in scales:
+        attempt = register_rigidly(
+            source.scaled(scale), target, options, progress, levels=QUICK_LEVELS[:1]
+        )
+        refined = _refine_scale(source, target, _Scaled(scale, attempt), options, progress)
+        tried.append(refined if refined.attempt.found.accepted else _Scaled(scale, attempt))
+        if refined.attempt.found.confidence > SEARCH_LEVELS[0].stop_confidence:
+            break
+    bounds = options.scale if isinstance(options.scale, tuple) else (0.0, np.inf)
+    allowed = [each for each in tried if bounds[0] <= each.scale <= bounds[1]] or tried
+    return max(allowed, key=lambda each: each.attempt.best.evidence.sort_key)
+
+
+def _start_scales(
+    source: Cloud, target: Cloud, scale: str | tuple[float, float]
+) -> Sequence[float]:
+    ratio = float(target.spread() / source.spread())
+    if isinstance(scale, str):
+        return [ratio * factor for factor in FREE_RATIOS]
+    least, most = scale
+    count = int(np.clip(np.ceil(np.log(most / least) / np.log(GRID_STEP)) + 1, 1, MAX_GRID))
+    grid = np.geomspace(least, most, count)
+    ordered: list[float] = grid[np.argsort(np.abs(np.log(grid / ratio)))].tolist()
+    return [ratio, *ordered] if least <= ratio <= most else ordered
+
+
+def _refine_scale(
+    source: Cloud, target: Cloud, scaled: _Scaled, options: RegistrationOptions, progress: Progress
+) -> _Scaled:
+    """Alternate steps of the scale and refinements of the pose."""
+    for _ in range(MAX_STEPS):
+        step = _scale_step(scaled.attempt)
+        if step is None:
+            break
+        change = float(np.clip(step.log_scale, -MAX_STEP, MAX_STEP))
+        scaled = replace(scaled, deviation=step.deviation * scaled.scale)
+        if abs(change) < STEP_TOL:
+            break
+        scale = scaled.scale * float(np.exp(change))
+        start = _about_centre(scaled.attempt, float(np.exp(-change)))
+        attempt = register_rigidly(source.scaled(scale), target, options, progress, start=start)
+        scaled = replace(scaled, scale=scale, attempt=attempt)
+    return scaled
+
+
+def _about_centre(attempt: Attempt, shrunk: float) -> Array:
+    """(4, 4) pose for the source scaled by 1 / `shrunk`, with its centre where it was."""
+    T, centre = attempt.found.T_target_source.copy(), attempt.pair.source_centre
+    T[:3, 3] += T[:3, :3] @ centre * (1 - 1 / shrunk)
+    return T
+
+
+def _scale_step(attempt: Attempt) -> ScaleStep | None:
+    planes = attempt.pipeline.planes
+    step = estimate_scale_step(planes.match(attempt.best.minimum.T), planes.radius / 2)
+    if step is not None and isinstance(planes, SwappedPointToPlane):
+        return replace(step, log_scale=-step.log_scale)
+    return step
+
+
+def _with_cause(found: Registration, cause: str | None) -> Registration:
+    return found if cause is None else replace(found, warnings=(*found.warnings, cause))
