@@ -71,7 +71,9 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
     add_keys(commands)
     add_backup(commands)
-    commands.add_parser("doctor", help="print cores, memory and parts of the sandbox")
+    commands.add_parser(
+        "doctor", help="print cores, memory, parts of the sandbox, and whether workers start"
+    )
     return parser
 
 
@@ -187,11 +189,16 @@ def _copy(arguments: argparse.Namespace) -> int:
 
 def _doctor(arguments: argparse.Namespace) -> int:
     from service.workers.sandbox.confinement import describe_sandbox, missing_parts
+    from service.workers.start_check import find_start_failure
 
     print(_describe_machine())
     print(describe_sandbox())
-    missing = missing_parts()
-    return _fail(f"this system lacks {'; '.join(missing)}", EXIT_ERROR) if missing else EXIT_OK
+    failure = find_start_failure()
+    print(f"workers     {'start' if failure is None else 'do not start'}")
+    faults = [f"this system lacks {part}" for part in missing_parts()]
+    if failure is not None:
+        faults.append(f"a worker does not start: {failure}")
+    return _fail("; ".join(faults), EXIT_ERROR) if faults else EXIT_OK
 
 
 def _describe_machine() -> str:

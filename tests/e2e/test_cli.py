@@ -166,3 +166,9 @@ def test_serve_answers_and_stops(tmp_path: Path) -> None:
         finally:
             server.send_signal(signal.SIGTERM)
         assert server.wait(timeout=120) in (0, -signal.SIGTERM)
+
+
+def test_doctor_says_whether_workers_start() -> None:
+    done = mpe("doctor")
+    assert "workers     start" in done.stdout
+    assert done.returncode == (1 if "missing" in done.stdout else 0), done.stderr
