@@ -13,9 +13,12 @@ from prometheus_client.registry import Collector
 from mpe_core.machine import available_cores, memory_limit
 from service.jobs.model import JOB_STATUSES, JobRow
 from service.jobs.queries import JobQueries
+from service.telemetry.tracing import STAGES
 
 DURATION_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
 CONFIDENCE_BUCKETS = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 1)
+TIMED_STAGES = frozenset((*STAGES, "queued_s", "total_s"))
+"""Keys of `JobRow.timing` that are measured."""
 
 
 class Metrics:
@@ -66,7 +69,8 @@ class Metrics:
         """Count a job that an attempt ended."""
         error = "" if job.error is None else job.error["type"].rpartition(":")[2]
         self._ends.labels(job.status, error).inc()
-        for name, seconds in job.timing.items():
+        for name in TIMED_STAGES & job.timing.keys():  # a label is kept for ever
+            seconds = job.timing[name]
             self._stages.labels(name.removesuffix("_s")).observe(seconds)
         if job.confidence is not None:
             self._confidence.observe(job.confidence)

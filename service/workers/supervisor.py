@@ -55,6 +55,10 @@ HEARTBEAT_S = LEASE_S / 3
 POLL_INTERVAL_S = 0.5
 """Interval of the checks whether another service on the same database has cancelled the job."""
 
+FREE_PROGRESS, PROGRESS_PER_S = 100, 10
+"""Messages of progress that are recorded at once, and further ones for each second; a child sends
+half as many."""
+
 DISK_FULL = TYPE_PREFIX + DiskFullError.problem.slug
 """Type of the problem that a child answers when it cannot write."""
 
@@ -175,12 +179,17 @@ class AttemptSupervisor:
         ChildLostError
             The child ended or sent nonsense.
         """
-        next_heartbeat = time.monotonic() + HEARTBEAT_S
+        started_at, recorded = time.monotonic(), 0
+        next_heartbeat = started_at + HEARTBEAT_S
         is_current = True
         while is_current:
             message = child.receive(min(limits.remaining_s(), POLL_INTERVAL_S))
             if isinstance(message, Answer):
                 return message
+            if isinstance(message, Progress):
+                recorded += 1
+                if recorded > FREE_PROGRESS + PROGRESS_PER_S * (time.monotonic() - started_at):
+                    recorded, message = recorded - 1, None  # each one is a row
             with contextlib.suppress(NotReadyError):  # the lease outlasts a short outage
                 if time.monotonic() >= next_heartbeat:
                     is_current = self.transitions.extend_lease(job, lease_s=LEASE_S)

@@ -34,3 +34,13 @@ def test_a_job_that_ended_without_an_attempt_is_not_counted(
         telemetry.changed("a")
     assert count(telemetry.metrics, "cancelled") == count(telemetry.metrics, "succeeded") == 0
     assert caplog.messages == []
+
+
+def test_only_known_stages_become_labels() -> None:
+    """A child that was taken over names what it likes."""
+    telemetry = Telemetry(Metrics(), tracing=None)
+    timing = {"decode_s": 1.0, "total_s": 2.0} | {f"stage{i}_s": 1.0 for i in range(40)}
+    telemetry.ended(new_job(status="succeeded", attempt=1, timing=timing))
+    text = telemetry.metrics.exposition()
+    assert b'stage="decode"' in text
+    assert b"stage7" not in text

@@ -274,6 +274,17 @@ def test_the_time_limit_ends_a_child_that_talks_without_end(attempts: Attempts) 
     assert job.error["type"] == "urn:mpe:problem:job-timeout"
 
 
+def test_a_child_that_talks_without_end_fills_no_table(
+    attempts: Attempts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "FREE_PROGRESS", 5)
+    monkeypatch.setattr(module, "PROGRESS_PER_S", 0)
+    attempts.add()
+    job = attempts.run([*(Progress(f"s{i}", 0.1) for i in range(50)), SUCCEEDED])
+    assert job.status == "succeeded"
+    assert len(list(attempts.jobs.events(TENANT, job.id, after=0))) == 2 + 5 + 1
+
+
 def test_the_deadline_ends_an_attempt(attempts: Attempts) -> None:
     attempts.add(deadline_at=time.time() + 0.05)
     job = attempts.run([])
