@@ -33,7 +33,10 @@ from service.formats.errors import (
 from service.formats.unnamed_columns import name_columns
 
 MAGIC = b"\x93NUMPY"
-_POINT_ARRAYS = ("points", "xyz", "pcd", "positions", "vertices", "arr_0")
+_POINT_ARRAYS = (
+    *("points", "xyz", "pcd", "positions", "vertices", "coords", "coord", "coordinates", "pc"),
+    *("pos", "position", "point", "point_cloud", "pointcloud", "cloud", "data", "arr_0"),
+)
 """Names of the array of points in an .npz, in order of preference."""
 _COLOR_ARRAYS = ("color", "colors", "colour", "colours", "rgb")
 _MAX_ARRAYS = 64
@@ -83,7 +86,9 @@ def read_npy(
         array = _read_array(file, path.stat().st_size, "the array", limits)
     cloud = _to_cloud(array, "npy")
     if attributes:
-        cloud = replace(cloud, warnings=(), attributes=_all_fields(array, len(cloud.points)))
+        told = tuple(text for text in cloud.warnings if "ignored" not in text)
+        kept = _all_fields(array.reshape(-1) if array.dtype.names else array, len(cloud.points))
+        cloud = replace(cloud, warnings=told, attributes=kept)
     return cloud if weights is None else _with_attribute(cloud, weights, _extra_fields(array))
 
 
@@ -171,7 +176,8 @@ def _all_fields(array: NDArray[np.generic], count: int) -> dict[str, NDArray[np.
         return fields
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         return {}
-    return name_columns(array[:, 3:], 4)
+    table = array.T if _is_transposed(array) else array
+    return name_columns(table[:, 3:], 4)
 
 
 def _array_columns(
@@ -255,12 +261,12 @@ def _to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
     if array.dtype.names:
         names = array.dtype.names
         xyz, normals = find_xyz(names), find_normals(names)
-        if xyz is None or array.ndim != 1:
+        if xyz is None or array.ndim not in (1, 2):
             raise MalformedFileError(
                 f"a structured array of {array.ndim} dimensions with the fields {names[:9]}; "
-                "expected one dimension and the fields x, y, z"
+                "expected one or two dimensions and the fields x, y, z"
             )
-        records = cast("NDArray[np.void]", array)
+        records = cast("NDArray[np.void]", array.reshape(-1))
         for i in xyz + (normals or ()):
             if (shape := records[names[i]].shape[1:]) != ():
                 raise MalformedFileError(
@@ -272,9 +278,18 @@ def _to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
         return DecodedCloud(_floats(array.reshape(-1, 3)), format)
     if array.ndim != 2 or array.shape[1] < 3:
         raise MalformedFileError(f"an array of shape {array.shape}; expected (N, 3)")
+    if _is_transposed(array):
+        return DecodedCloud(
+            _floats(array[:3].T), format, (f"the shape {array.shape} is read as its transpose",)
+        )
     extra = array.shape[1] - 3
     warnings = (f"{extra} columns after x, y, z are ignored",) if extra else ()
     return DecodedCloud(_floats(array[:, :3]), format, warnings)
+
+
+def _is_transposed(array: NDArray[np.generic]) -> bool:
+    """Whether an array of few rows and many columns has the coordinates in its rows."""
+    return array.ndim == 2 and array.shape[0] in (3, 4, 6) and array.shape[1] > _MAX_PARTS
 
 
 def _floats(array: NDArray[np.generic]) -> NDArray[np.floating]:

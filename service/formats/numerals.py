@@ -36,7 +36,7 @@ def is_value(field: str) -> bool:
 
 def significant_line(head: bytes) -> bytes:
     """Return the first line that is neither blank nor a comment (#), without blanks around it."""
-    for line in head.removeprefix(b"\xef\xbb\xbf").split(b"\n"):
+    for line in head.split(b"\n"):
         bare = line.strip()
         if bare and not bare.startswith(b"#"):
             return bare

@@ -19,10 +19,14 @@ from service.formats.errors import (
 from service.formats.foreign import foreign_format
 from service.formats.kitti import are_float_rows
 from service.formats.las_metadata import LasRecord
+from service.formats.numerals import significant_line
 from service.formats.registry import FORMATS, Format, ReadChoice
+from service.formats.text_encoding import rewrite_text, to_plain_head
 
 SNIFFED_BYTES = 4096
 """Bytes at the start of a file that decide its format."""
+_MAX_COMMENT_BYTES = 1 << 16
+"""Bytes read beyond a head of comments alone."""
 _FLOAT_ROWS = (
     "; it looks like rows of float32: declare the format 'kitti', and 'columns' unless they are "
     "x, y, z, intensity"
@@ -34,7 +38,7 @@ ReadChoices = dict[ReadChoice, int | str | None]
 
 def sniff(head: bytes) -> str | None:
     """Return the name of the format of a file by its first 4096 bytes; None if unknown."""
-    format = _match(head[:SNIFFED_BYTES])
+    format = _match(to_plain_head(head[:SNIFFED_BYTES]))
     return format.name if format else None
 
 
@@ -105,7 +109,6 @@ def read_points(
     path = Path(path)
     if path.stat().st_size == 0:
         raise TruncatedFileError("the file is empty")
-    found = _choose(path, format, columns)
     choices: ReadChoices = {
         "scan": scan,
         "surface_samples": surface_samples,
@@ -113,7 +116,7 @@ def read_points(
         "weights": weights,
         "columns": columns,
     }
-    cloud = _read(found, path, limits or ReadLimits(), choices)
+    cloud = _read_text_or_bytes(path, limits or ReadLimits(), format, choices)
     if weights is None:
         return cloud
     if weights not in cloud.attributes:
@@ -140,17 +143,30 @@ def read_crs(path: Path, limits: ReadLimits | None = None) -> tuple[LasRecord, .
     return las.read_crs(path, limits) if format.read is las.read else ()
 
 
+def _read_text_or_bytes(
+    path: Path, limits: ReadLimits, format: str | None, choices: ReadChoices
+) -> DecodedCloud:
+    """Read a file, or what its text is in UTF-8 with usual line ends."""
+    if format is not None and _by_name(format).sniff is None:
+        return _read(_by_name(format), path, limits, choices)
+    with rewrite_text(path) as (plain, warnings):
+        cloud = _read(_choose(plain, format, choices["columns"]), plain, limits, choices)
+    return replace(cloud, warnings=warnings + cloud.warnings)
+
+
 def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) -> DecodedCloud:
     if format.read is None or format.is_archive(path):
         with expand_archive(path, limits) as inner:
             if inner.stat().st_size == 0:
                 raise TruncatedFileError("the file in the archive is empty")
-            inside = _detect(inner)
-            if inside.read is None or inside.is_archive(inner):
-                raise UnsupportedFileError(
-                    "the archive holds another archive; expected one cloud file"
-                )
-            return _read(inside, inner, limits, choices)
+            with rewrite_text(inner) as (plain, warnings):
+                inside = _detect(plain)
+                if inside.read is None or inside.is_archive(plain):
+                    raise UnsupportedFileError(
+                        "the archive holds another archive; expected one cloud file"
+                    )
+                cloud = _read(inside, plain, limits, choices)
+            return replace(cloud, warnings=warnings + cloud.warnings)
     for name in EXCLUSIVE_CHOICES:
         if choices[name] is not None and name not in format.choices:
             raise MalformedFileError(
@@ -165,7 +181,7 @@ def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) 
         raise type(error)(f"read as {format.name}: {error}") from None
 
 
-def _choose(path: Path, format: str | None, columns: int | None) -> Format:
+def _choose(path: Path, format: str | None, columns: int | str | None) -> Format:
     """Return the declared format, or the detected one; rows of declared columns need neither."""
     if format is not None:
         return _by_name(format)
@@ -187,7 +203,9 @@ def _by_name(name: str) -> Format:
 
 def _detect(path: Path) -> Format:
     with path.open("rb") as file:
-        head = file.read(SNIFFED_BYTES)
+        head = to_plain_head(file.read(SNIFFED_BYTES))
+        if head.startswith(b"#") and not significant_line(head):
+            head += file.read(_MAX_COMMENT_BYTES)
     format = _match(head)
     if format is None:
         if (foreign := foreign_format(head)) is not None:

@@ -64,7 +64,7 @@ FORMATS = (
         "ply",
         "Stanford PLY: ASCII, binary of both byte orders; the vertices",
         (".ply",),
-        _starts_with(b"ply\n", b"ply\r\n", b"ply "),
+        _starts_with(b"ply\n", b"ply\r\n", b"ply\r", b"ply "),
         ply.read,
         ("attributes",),
     ),

@@ -1,4 +1,4 @@
-"""Text in UTF-16, or with line ends of CR alone, rewritten as other readers expect it."""
+"""Text in UTF-16, with a byte order mark, or with CR alone, rewritten as readers expect it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+_UTF8_MARK = b"\xef\xbb\xbf"
 _BLOCK_CHARACTERS = 1 << 20
 _MIN_SHARE = 0.9
 """Share of zero bytes at every other place from which on text without a mark is UTF-16."""
@@ -19,6 +20,7 @@ def to_plain_head(head: bytes) -> bytes:
     if (encoding := _find_encoding(head)) is not None:
         text = head[: len(head) // 2 * 2].decode(encoding, errors="replace")
         head = text.removeprefix("\ufeff").encode()
+    head = head.removeprefix(_UTF8_MARK)
     return head.replace(b"\r", b"\n") if _has_cr_alone(head) else head
 
 
@@ -27,15 +29,15 @@ def rewrite_text(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """Provide the text in UTF-8 with line ends of LF, and warnings of what was rewritten."""
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-    encoding = _find_encoding(head)
-    is_cr = _has_cr_alone(to_plain_head(head)) or _has_cr_alone(head)
-    if encoding is None and not is_cr:
+    if to_plain_head(head) == head:
         yield path, ()
         return
+    encoding = _find_encoding(head)
+    warnings = (f"the text is in {encoding.upper()}",) if encoding else ()
     with tempfile.TemporaryDirectory(prefix="text-") as folder:
         plain = Path(folder) / "text"
-        _rewrite(path, plain, encoding)
-        yield plain, (f"the text is in {encoding.upper()}",) if encoding else ()
+        _rewrite(path, plain, encoding or ("utf-8-sig" if head.startswith(_UTF8_MARK) else None))
+        yield plain, warnings
 
 
 def _rewrite(path: Path, plain: Path, encoding: str | None) -> None:
@@ -50,7 +52,7 @@ def _rewrite(path: Path, plain: Path, encoding: str | None) -> None:
 
 
 def _has_cr_alone(head: bytes) -> bool:
-    return b"\n" not in head and b"\r" in head.rstrip(b"\r")
+    return b"\n" not in head and b"\0" not in head and b"\r" in head.rstrip(b"\r")
 
 
 def _find_encoding(head: bytes) -> str | None:

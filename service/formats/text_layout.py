@@ -25,8 +25,6 @@ from service.formats.text_guesses import (
     sample_rows,
 )
 
-BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"
-"""UTF-8's byte order mark, decoded as Latin-1."""
 _DELIMITERS = (";", "\t", ",", "|", None)
 """Delimiters in the order in which they are tried; None: any run of blanks."""
 _UNIT = re.compile(r"[ \t]?[\[(][^\[\]()]{0,20}[\])]")
@@ -147,7 +145,7 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
     skipped: list[int] = []
     count: int | None = None
     for index, raw in enumerate(lines):
-        text = (raw.removeprefix(BYTE_ORDER_MARK) if index == 0 else raw).strip()
+        text = raw.strip()
         if not text:
             continue
         row = text.replace('"', "")

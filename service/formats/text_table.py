@@ -219,7 +219,7 @@ def _normalize_lines(lines: Iterable[str], dialect: Dialect) -> Iterable[str]:
     """Yield the lines to read, with decimal points."""
     if dialect.keyword:
         starts = (f"{dialect.keyword} ", f"{dialect.keyword}\t")
-        lines = (line for line in lines if line.startswith(starts))
+        lines = (line for line in lines if line.lstrip(" \t").startswith(starts))
     if dialect.decimal_comma:
         lines = (line.replace(",", ".") for line in lines)
     return lines

@@ -34,7 +34,7 @@ _MAX_BLOCKS = 1 << 20
 
 def sniff(head: bytes) -> bool:
     """Whether it is XML with the root element VTKFile."""
-    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:2000]
+    start = head.lstrip()[:2000]
     return start.startswith(b"<") and b"<VTKFile" in start
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +16,7 @@ from service.formats.errors import (
     missing_attribute,
 )
 from service.formats.numerals import is_number
-from service.formats.text_encoding import rewrite_text, to_plain_head
-from service.formats.text_layout import BYTE_ORDER_MARK, TextLayout, detect_layout
+from service.formats.text_layout import TextLayout, detect_layout
 from service.formats.text_table import (
     Dialect,
     TableCleaner,
@@ -31,7 +29,6 @@ from service.formats.unnamed_columns import name_columns
 
 def sniff(head: bytes) -> bool:
     """Whether the bytes are lines of numbers, after at most a few lines of header."""
-    head = to_plain_head(head)
     if b"\0" in head:
         return False
     lines = head.decode("latin1").split("\n")
@@ -53,14 +50,6 @@ def read(
     CloudFileError
         The text is malformed; the message names the line.
     """
-    with rewrite_text(path) as (plain, warnings):
-        cloud = _read_plain(plain, limits, weights, attributes=attributes)
-    return replace(cloud, warnings=warnings + cloud.warnings)
-
-
-def _read_plain(
-    path: Path, limits: ReadLimits, weights: str | None, *, attributes: bool
-) -> DecodedCloud:
     lines = read_head_lines(path, limits)
     if any("\0" in line for line in lines):
         raise UnsupportedFileError("the text has zero bytes; expected UTF-8 or UTF-16")
@@ -126,8 +115,6 @@ def _read_table(
     path: Path, lines: list[str], layout: TextLayout, columns: tuple[int, ...], limits: ReadLimits
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     offset = sum(len(line) + 1 for line in lines[: layout.first_row])
-    if layout.first_row == 0 and lines[0].startswith(BYTE_ORDER_MARK):
-        offset = len(BYTE_ORDER_MARK)
     has_counts = layout.count is not None
     dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma, has_counts=has_counts)
     before = frozenset(line.strip() for line in lines[: layout.first_row]) - {""}

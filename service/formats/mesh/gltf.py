@@ -29,9 +29,7 @@ def sniff(head: bytes) -> bool:
     """Whether it is a .glb, or JSON with a key of the glTF schema."""
     if head.startswith(MAGIC):
         return True
-    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"{" and any(
-        b'"%s"' % key in head for key in _TOP_LEVEL_KEYS
-    )
+    return head.lstrip()[:1] == b"{" and any(b'"%s"' % key in head for key in _TOP_LEVEL_KEYS)
 
 
 def check_gltf(path: Path, limits: ReadLimits) -> str:

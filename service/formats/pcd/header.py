@@ -10,7 +10,6 @@ from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
 
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _TYPES = {"F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"}
 
 
@@ -55,7 +54,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PcdHeader:
         The header is malformed or too long; the message names the line.
     """
     values: dict[str, list[str]] = {}
-    offset = len(_BYTE_ORDER_MARK) if head.startswith(_BYTE_ORDER_MARK) else 0
+    offset = 0
     for number in range(1, limits.max_header_lines + 1):
         end = head.find(b"\n", offset)
         if end < 0:
@@ -92,6 +91,8 @@ def _build_header(
     if len(fields) > limits.max_properties:
         raise FileLimitError(f"{len(fields)} FIELDS; the limit is {limits.max_properties}")
     counts = tuple(_parse_counts(values, "COUNT", [1] * len(fields)))
+    if data == "ascii" and not {"SIZE", "TYPE"} & set(values):
+        values |= {"SIZE": ["4"] * len(fields), "TYPE": ["F"] * len(fields)}
     types = [
         f"{kind}{width}"
         for kind, width in zip(values.get("TYPE", ()), values.get("SIZE", ()), strict=False)
@@ -119,6 +120,8 @@ def _build_header(
 
 
 def _parse_point_count(values: dict[str, list[str]]) -> int:
+    if not {"POINTS", "WIDTH"} & set(values):
+        raise MalformedFileError("the header has neither POINTS nor WIDTH; expected a count")
     (width,) = _parse_counts(values, "WIDTH", [0])
     (height,) = _parse_counts(values, "HEIGHT", [1])
     (points,) = _parse_counts(values, "POINTS", [width * height])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from service.formats.decoded_cloud import ReadLimits
@@ -17,6 +17,7 @@ _TYPES = {
     "int64": "i8", "uint64": "u8", "bool": "u1",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
+_KEYWORDS = ("ply", "format", "element", "property", "end_header")
 _ORDERS: dict[str, Order] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -99,7 +100,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
                         raise MalformedFileError(
                             f"element {element.name[:40]!r} has rows but no properties"
                         )
-                return PlyHeader(order, elements, offset, number)
+                return PlyHeader(order, _with_usual_names(elements), offset, number)
             case ["format", name, "1.0"] if name in _ORDERS and order is None:
                 order = _ORDERS[name]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
@@ -108,11 +109,28 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
                 _add_property(elements[-1], rest, number, limits)
             case [] | ["comment" | "obj_info", *_]:
                 pass
+            case [word, *_] if word not in _KEYWORDS and number > 1:
+                pass  # a comment without its keyword
             case _:
                 raise MalformedFileError(
                     f"line {number}: {' '.join(words)[:60]!r} is not a valid line of a PLY header"
                 )
     raise FileLimitError(f"no line 'end_header' in the first {limits.max_header_lines} lines")
+
+
+def _with_usual_names(elements: list[PlyElement]) -> list[PlyElement]:
+    """Call the only element with coordinates "vertex", and these x, y and z."""
+    axes = {axis.upper(): axis for axis in "xyz"}
+    for element in elements:
+        if set(axes) <= {item.name for item in element.properties}:
+            element.properties = [
+                replace(item, name=axes.get(item.name, item.name)) for item in element.properties
+            ]
+    if not any(element.name == "vertex" for element in elements):
+        found = [e for e in elements if set("xyz") <= {item.name for item in e.properties}]
+        if len(found) == 1:
+            found[0].name = "vertex"
+    return elements
 
 
 def _missing_end(

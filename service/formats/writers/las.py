@@ -116,9 +116,9 @@ def _choose_scale(las: LasMetadata | None, extent: float) -> float:
 
 
 def _use_16_bit_colors(cloud: Outgoing) -> None:
-    """Turn colours into red, green and blue of 16 bits, as LAS demands."""
+    """Turn colours into red, green and blue of 16 bits, as LAS demands; those of LAS stay."""
     colors = find_colors(cloud.columns)
-    if colors is None:
+    if colors is None or (cloud.las is not None and colors.values.dtype == np.uint16):
         return
     values = colors.to_16_bits()
     cloud.take(colors.names)

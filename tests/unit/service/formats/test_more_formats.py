@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from service.formats import CloudFileError, MalformedFileError, read_points, sniff
-from tests.factories.cloud_files import POINTS, ply
+from tests.factories.cloud_files import POINTS, npy, npz, ply
 from tests.factories.decoding import write_file
-from tests.factories.scanner_files import colmap, rows_of, splat, vtk, vtp
+from tests.factories.scanner_files import colmap, obj, rows_of, splat, vtk, vtp
 
 FORMS = ("ascii", "binary", "appended", "raw")
 FILES = {
@@ -100,3 +100,42 @@ def test_announced_counts_are_checked(tmp_path: Path) -> None:
     for content in (huge + colmap()[8:], vtk().replace(b"POINTS 40 ", b"POINTS 99999999999 ")):
         with pytest.raises(CloudFileError):
             read_points(write_file(tmp_path, content))
+
+
+def text_ply(element: str = "vertex", axes: str = "xyz", eol: str = "\n", stray: str = "") -> bytes:
+    lines = ["ply", "format ascii 1.0", *([stray] if stray else []), f"element {element} 40"]
+    lines += [f"property float {axis}" for axis in axes] + ["element face 1"]
+    lines += ["property list uchar int vertex_indices", "end_header"]
+    rows = [" ".join(f"{value:.9g}" for value in point) for point in POINTS]
+    return eol.join([*lines, *rows, "3 0 1 2", ""]).encode()
+
+
+ODD = {
+    "PLY, CR": text_ply(eol="\r"),
+    "PLY, byte order mark": b"\xef\xbb\xbf" + text_ply(),
+    "PLY, a line without 'comment'": text_ply(stray="Made by hand"),
+    "PLY, element point": text_ply("point"),
+    "PLY, capitals": text_ply(axes="XYZ"),
+    "PLY, UTF-16": text_ply().decode().encode("utf-16"),
+    "OBJ, indented, CR": obj().replace(b"\nv ", b"\n  v ").replace(b"\n", b"\r"),
+    "OBJ, a long comment": b"# " + b"x" * 5000 + b"\n" + obj(),
+    "NPZ, coords": npz(coords=POINTS, labels=np.arange(40)),
+    "NPY, rows of fields": npy(
+        np.array([tuple(p) for p in POINTS.tolist()], [(a, "f4") for a in "xyz"]).reshape(8, 5)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_but_clear_files_are_read(tmp_path: Path, name: str) -> None:
+    cloud = read_points(write_file(tmp_path, ODD[name]), attributes=True)
+    np.testing.assert_allclose(cloud.points, POINTS, rtol=1e-6)
+    assert cloud.format == name[:3].lower()
+    assert (cloud.faces is not None) == (name[0] in "PO")
+
+
+def test_arrays_of_three_rows_are_turned(tmp_path: Path) -> None:
+    many = np.tile(POINTS, (3, 1))
+    cloud = read_points(write_file(tmp_path, npy(many.T)))
+    np.testing.assert_array_equal(cloud.points, many)
+    assert "transpose" in cloud.warnings[0]

@@ -22,7 +22,6 @@ UNCLEAR = {
         "'vertex'",
     ),
     "no z": (ply().replace(b"float z", b"float w"), "'z'"),
-    "unknown PLY keyword": (ply().replace(b"obj_info", b"objinfo"), "line 4: 'objinfo"),
     "a property twice": (ply().replace(b"float y", b"float x"), "line 7"),
 }
 
