@@ -16,12 +16,14 @@ from mpe_core.assess.coincidence import (
 )
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
+from mpe_core.assess.outline import keep_level, weigh_outline
 from mpe_core.assess.warnings import describe_warnings
+from mpe_core.clouds.flat import Plane, draw_outline, find_plane, lay_flat
 from mpe_core.clouds.normalize import CloudPair, normalize_pair
 from mpe_core.clouds.preprocess import prepare_clouds
-from mpe_core.clouds.validate import Cloud
+from mpe_core.clouds.validate import Cloud, validate_cloud
 from mpe_core.geometry.nearest import nearest_rows
-from mpe_core.geometry.rigid import apply
+from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.methods import run_paper_method
 from mpe_core.pipeline import PosePipeline, ScoredPose, select_distinct
@@ -142,7 +144,10 @@ def _find_by_search(
     """Poses of few points that correspond one by one, or else of the search."""
     source = pair.source_cloud.weighted(pair.source)
     target = pair.target_cloud.weighted(pair.target)
+    planes = _find_planes(source, target)
     coincidences = find_coincidences(source, target, options.seed)
+    if planes is not None:
+        coincidences = keep_level(coincidences or [], *planes)
     if coincidences is None:
         return pipeline.run(progress, levels)
     poses = np.array([T for T, _ in coincidences]).reshape(-1, 4, 4)
@@ -153,11 +158,39 @@ def _find_by_search(
     ]
     if certain:
         return select_distinct(certain)
+    if planes is not None:
+        return [_find_flat((source, target), planes, options, progress)]
     found = pipeline.run(progress, levels)
     if not (are_scattered(source) and are_scattered(target)):
         return found
     alarms = min((evidence.log_false_alarms for _, evidence in coincidences), default=0.0)
     return [replace(found[0], evidence=doubt(found[0].evidence, max(alarms, 0.0)))]
+
+
+def _find_planes(
+    source: NDArray[np.float64], target: NDArray[np.float64]
+) -> tuple[Plane, Plane] | None:
+    """Find the planes of both clouds; None unless both are flat."""
+    x, y = find_plane(source), find_plane(target)
+    return None if x is None or y is None else (x, y)
+
+
+def _find_flat(
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    planes: tuple[Plane, Plane],
+    options: RegistrationOptions,
+    progress: Progress,
+) -> ScoredPose:
+    """Pose between flat clouds within their planes, by the walls over their outlines."""
+    outlines = [draw_outline(each, plane) for each, plane in zip(points, planes, strict=True)]
+    walls = [validate_cloud(outline.raise_walls(), "outline") for outline in outlines]
+    is_level = planes[0].is_level and planes[1].is_level
+    searched = RegistrationOptions(yaw_only=is_level, overlap=options.overlap, seed=options.seed)
+    attempt = register_rigidly(walls[0], walls[1], searched, progress)
+    T = lay_flat(attempt.found.T_target_source)
+    evidence = weigh_outline(attempt.best.evidence, T, *outlines)
+    lifted = inverse(planes[1].T) @ T @ planes[0].T
+    return ScoredPose(replace(attempt.best.minimum, T=lifted), evidence)
 
 
 def _estimate_uncertainty(
