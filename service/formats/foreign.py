@@ -26,10 +26,8 @@ _MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
     ((b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), "Microsoft Office", "save the sheet as CSV"),
     ((b"MATLAB 5.0 MAT",), "MATLAB", "export the points as CSV"),
     ((b"#VRML", b"#X3D"), "VRML", "export it as PLY, OBJ or glTF"),
-    ((b"livox_tech",), "Livox LVX", "export it as LAS or PCD"),
     ((b"AC10",), "DWG", "export its points as LAS or its surfaces as STL"),
     ((b"#usda", b"PXR-USDC"), "USD", "export it as glTF, OBJ or PLY"),
-    ((b"NGSP",), "SPZ (Gaussian splats)", "convert it to PLY"),
 )
 """Beginnings of files, the name of the format, and what to do."""
 _ATOM = re.compile(rb"[A-Z][a-z]?")

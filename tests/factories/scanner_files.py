@@ -193,6 +193,28 @@ def splat() -> bytes:
     )
 
 
+def spz() -> bytes:
+    """Niantic's splats, not yet in gzip; positions have 12 bits behind the point."""
+    counts = np.rint(DOUBLES * 4096).astype("<i4").view(np.uint8).reshape(-1, 4)[:, :3]
+    rest = bytes(40) + bytes(120) + bytes(120) + bytes(160)
+    return b"NGSP" + struct.pack("<II4B", 3, 40, 0, 12, 0, 0) + counts.tobytes() + rest
+
+
+def lvx2() -> bytes:
+    """Two frames of two packages; the device stands behind a quarter turn and a move."""
+    head = b"livox_tech".ljust(16, b"\0") + struct.pack("<4BIIB", 2, 0, 0, 0, 0xAC0EA767, 50, 1)
+    content = head + struct.pack("<32sI2BB6f", b"", 7, 0, 9, 1, 0, 0, 90, *MOVE.tolist())
+    local = np.rint((DOUBLES - MOVE) @ QUARTER_TURN * 1000).astype("<i4")
+    for frame in range(2):
+        packages = b""
+        for part in np.split(local[20 * frame : 20 * frame + 20], 2):
+            packages += struct.pack("<BIBBQHBIB4x", 0, 7, 0, 0, 10**9, 0, 1, 14 * len(part), 0)
+            packages += b"".join(row.tobytes() + b"\x32\0" for row in part)
+        start = len(content)
+        content += struct.pack("<3Q", start, start + 24 + len(packages), frame) + packages
+    return content
+
+
 def vtk(*, binary: bool = False) -> bytes:
     """A legacy VTK file; in ASCII with three points a line."""
     form = b"BINARY" if binary else b"ASCII"
@@ -250,6 +272,8 @@ def scanner_seeds() -> dict[str, bytes]:
         "pts": pts(),
         "colmap": colmap(),
         "splat": splat(),
+        "spz": spz(),
+        "lvx2": lvx2(),
         "vtk": vtk(),
         "vtk binary": vtk(binary=True),
         "vtp": vtp(),

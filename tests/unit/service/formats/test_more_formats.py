@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import struct
 from pathlib import Path
 
@@ -11,12 +12,15 @@ import pytest
 from service.formats import CloudFileError, MalformedFileError, read_points, sniff
 from tests.factories.cloud_files import POINTS, npy, npz, ply
 from tests.factories.decoding import write_file
-from tests.factories.scanner_files import colmap, obj, rows_of, splat, vtk, vtp
+from tests.factories.scanner_files import colmap, lvx2, obj, rows_of, splat, spz, vtk, vtp
 
 FORMS = ("ascii", "binary", "appended", "raw")
 FILES = {
     "colmap": colmap(),
     "splat": splat(),
+    "spz": spz(),
+    "spz in gzip": gzip.compress(spz(), mtime=0),
+    "lvx2": lvx2(),
     "vtk": vtk(),
     "vtk binary": vtk(binary=True),
     "vtk CR LF": vtk().replace(b"\n", b"\r\n"),
@@ -27,9 +31,10 @@ FILES = {
 
 @pytest.mark.parametrize("name", FILES)
 def test_points_are_read(tmp_path: Path, name: str) -> None:
-    assert sniff(FILES[name]) == name.split()[0]
+    assert sniff(FILES[name]) == ("gzip" if "gzip" in name else name.split()[0])
     cloud = read_points(write_file(tmp_path, FILES[name]), attributes=True)
-    np.testing.assert_array_equal(cloud.points, POINTS)
+    tolerance = {"spz": 2e-4, "lvx2": 6e-4}.get(name.split()[0], 0)
+    np.testing.assert_allclose(cloud.points, POINTS, rtol=0, atol=tolerance)
     assert cloud.format == name.split()[0]
 
 
