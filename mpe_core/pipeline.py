@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
 from mpe_core.assess.free_space import FreeSpace
-from mpe_core.assess.layer_conflict import LayerConflict
+from mpe_core.assess.layer_match import LayerMatch
 from mpe_core.assess.near_start import prefer_near_start
 from mpe_core.assess.score import PoseScorer
-from mpe_core.clouds.ground import Ground, find_ground, may_have_ground
 from mpe_core.clouds.preprocess import PreparedCloud
-from mpe_core.geometry.cell_list import Points
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import FractionCallback, Progress
 from mpe_core.refine.full_sum import FullSum
@@ -25,7 +23,8 @@ from mpe_core.refine.point_to_plane import PointToPlane
 from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
-from mpe_core.search.levelled_search import LevelledCloud, find_levelled_poses
+from mpe_core.search.levelled_pair import level_clouds
+from mpe_core.search.levelled_search import find_levelled_poses
 from mpe_core.search.nearest_lattice import NearestLattice, build_lattice
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import (
@@ -47,14 +46,6 @@ some of their points (docs/tuning.md)."""
 
 LEVELLED_CANDIDATES = 48
 """Candidates of the levelled search that are refined shortly."""
-
-MAX_LEVELLED_REACH = 10.0
-"""Distance from the centre, in radii of the smaller cloud, up to which points are seen from above:
-stray points beyond it would make the grids too wide for any memory."""
-
-MIN_GROUND_SHARE = 0.15
-"""Share of the points on the dominant plane of both clouds from which on the levelled search is
-tried. Figures and shelves have less (docs/tuning.md)."""
 
 AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
 """Surface agreement and on-surface fraction by which a pose may fall short of the best one and
@@ -104,7 +95,6 @@ class PosePipeline:
             # near an initial pose there are no more chance fits than on a cloud of like size
             size_ratio=size_ratio if prior.initial is None else 1.0,
             free_space=_free_space(source, target),
-            layers=self._compare_layers(),
         )
         self.planes = planes
         self.refiner: Refiner = planes
@@ -131,12 +121,11 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
+            if level is SEARCH_LEVELS[0] and self._layers is not None:
+                self._search_levelled(poses, progress)
+            poses = self._with_layer_support(poses)
             if _has_convincing(poses, level):
                 break
-            if level is SEARCH_LEVELS[0] and self._shows_ground:
-                self._search_levelled(poses, progress)
-                if _has_convincing(poses, level):
-                    break
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
@@ -163,14 +152,12 @@ class PosePipeline:
 
     def find_levelled_candidates(self, report: FractionCallback) -> Candidates:
         """Search for poses that lay the grounds of both clouds on each other, best first."""
-        (x, y), (source, target) = self._grounds, self._levelled_points
-        fixed = LevelledCloud.from_points(target, y)
-        grounds = (x,) if x.is_extremal and y.is_extremal else (x, x.flipped())
+        if self._layers is None:
+            return Candidates(np.empty((0, 4, 4)), np.empty(0, np.float32))
+        pair = self._layers.pair
         found = [
-            find_levelled_poses(
-                LevelledCloud.from_points(source, ground), fixed, LEVELLED_CANDIDATES, report
-            )
-            for ground in grounds
+            find_levelled_poses(source, pair.target, LEVELLED_CANDIDATES, report)
+            for source in pair.source
         ]
         poses = np.concatenate([each.poses for each in found])
         scores = np.concatenate([each.scores for each in found])
@@ -222,31 +209,23 @@ class PosePipeline:
             confidence.append(evidence.confidence)
         return sorted(rows, key=lambda row: -confidence[row])[:MAX_REFINED]
 
-    def _compare_layers(self) -> LayerConflict | None:
-        """Look at both clouds from above; None unless both show their ground."""
-        if not self._shows_ground:
+    def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
+        """Compare the poses as seen from above with the best of them."""
+        if self._layers is None:
+            return poses
+        supports = self._layers.relative_scores([pose.minimum.T for pose in poses])
+        return [
+            replace(pose, evidence=replace(pose.evidence, layer_support=support))
+            for pose, support in zip(poses, supports, strict=True)
+        ]
+
+    @cached_property
+    def _layers(self) -> LayerMatch | None:
+        """Both clouds seen from above; None unless they are of like size and show a ground."""
+        if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO or self._prior.initial is not None:
             return None
-        return LayerConflict(*self._levelled_points, *self._grounds)
-
-    @cached_property
-    def _levelled_points(self) -> tuple[Points, Points]:
-        """Points of both surfaces that are not stray."""
-        return _within_reach(self.source.surface.points), _within_reach(self.target.surface.points)
-
-    @cached_property
-    def _grounds(self) -> tuple[Ground, Ground]:
-        source, target = self._levelled_points
-        return find_ground(source), find_ground(target)
-
-    @cached_property
-    def _shows_ground(self) -> bool:
-        """Whether both clouds are of like size and show a dominant plane."""
-        if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO:
-            return False
-        surfaces = self.source.surface, self.target.surface
-        if not all(may_have_ground(surface.points, surface.normals) for surface in surfaces):
-            return False
-        return min(ground.share for ground in self._grounds) >= MIN_GROUND_SHARE
+        pair = level_clouds(self.source, self.target)
+        return None if pair is None else LayerMatch(pair)
 
     @cached_property
     def _lattice(self) -> NearestLattice:
@@ -267,17 +246,12 @@ def _plane_refiner(
     return PointToPlane(source, target, prior.motion_basis(), regime, options)
 
 
-def _within_reach(points: Points) -> Points:
-    """Points (N, 3) at most MAX_LEVELLED_REACH from the centre."""
-    near: Points = points[np.square(points).sum(axis=1) <= MAX_LEVELLED_REACH**2]
-    return near
-
-
 def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | None:
-    """Free space of both scans; None unless both viewpoints are known."""
+    """Free space of both scans; None unless both viewpoints are known, and near."""
     if source.viewpoint is None or target.viewpoint is None:
         return None
-    return FreeSpace(source.fine, target.fine, source.viewpoint, target.viewpoint)
+    free_space = FreeSpace(source.fine, target.fine, source.viewpoint, target.viewpoint)
+    return free_space if free_space.tells_depths else None
 
 
 def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:

@@ -12,13 +12,13 @@ AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT = 18.6, 6.6, -18.7
 """Logistic model of right against wrong poses, fitted by `python -m benchmarks calibration` to half
 of the pairs; a wrong pose counts twice (docs/tuning.md)."""
 
-MAX_FREE_SPACE_VIOLATION, FREE_SPACE_WEIGHT = 0.06, 30.0
-"""Violation of free space that drift and thin edges explain, and how much the log odds fall with
-what lies beyond it (docs/tuning.md)."""
+SEEN_AGREEMENT_WEIGHT, VIOLATION_WEIGHT, SEEN_INTERCEPT = 10.0, -27.0, -3.5
+"""The same model where both viewpoints are known: the violation of free space tells more than the
+coverage (docs/tuning.md)."""
 
-MAX_LAYER_CONFLICT, LAYER_WEIGHT = 0.25, 20.0
-"""Conflict of the layers that occlusion explains, and how much the log odds fall with what lies
-beyond it (docs/tuning.md)."""
+CONVINCING_LAYER_SUPPORT, LAYER_WEIGHT = 0.8, 5.0
+"""Support by the layers from which on a pose counts as the best one, and how much the log odds fall
+with what lacks to it (docs/tuning.md)."""
 
 MAX_CALIBRATED_SIZE_RATIO = 2.0
 """Ratio of the clouds' radii up to which the model holds. Beyond it the odds fall with the number
@@ -43,9 +43,9 @@ class Evidence:
     free_space_violation: float | None = None
     """Share of the visible points of one scan that stand in what the other one saw through; None
     where the scanners' positions are not known."""
-    layer_conflict: float | None = None
-    """Share of what one levelled cloud shows over the ground and the other one lacks; None where
-    it was not compared."""
+    layer_support: float | None = None
+    """How well the clouds match as seen from above, from -1 to 1, which the best pose of all that
+    were found has; None where no ground is seen at the pose."""
     degenerate_dof: int = 0
     """Number of directions in which the surfaces slide on themselves; counted only beyond
     MAX_CALIBRATED_SIZE_RATIO."""
@@ -53,19 +53,26 @@ class Evidence:
     @property
     def confidence(self) -> float:
         """Probability that the pose is right, in [0, 1]."""
-        coverage = min(1.0, self.coverage / self.overlap)
-        logit = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * coverage + INTERCEPT
-        logit -= self.contradiction
         excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
         chance_fits = excess ** (2 + self.degenerate_dof)
-        return float(1 / (1 + chance_fits * np.exp(-logit)))
+        return float(1 / (1 + chance_fits * np.exp(-self._logit)))
 
     @property
-    def contradiction(self) -> float:
-        """Fall of the log odds by what the pose contradicts; 0 if it contradicts nothing."""
-        violation = max(0.0, (self.free_space_violation or 0.0) - MAX_FREE_SPACE_VIOLATION)
-        conflict = max(0.0, (self.layer_conflict or 0.0) - MAX_LAYER_CONFLICT)
-        return FREE_SPACE_WEIGHT * violation + LAYER_WEIGHT * conflict
+    def _logit(self) -> float:
+        """Log odds of a right pose between clouds of like size."""
+        if self.free_space_violation is None:
+            coverage = min(1.0, self.coverage / self.overlap)
+            logit = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * coverage
+            return logit + INTERCEPT - self._lack_of_support
+        logit = SEEN_AGREEMENT_WEIGHT * self.surface_agreement + SEEN_INTERCEPT
+        return logit + VIOLATION_WEIGHT * self.free_space_violation - self._lack_of_support
+
+    @property
+    def _lack_of_support(self) -> float:
+        """Fall of the log odds by what the layers of a better pose have and this one lacks."""
+        if self.layer_support is None:
+            return 0.0
+        return LAYER_WEIGHT * max(0.0, CONVINCING_LAYER_SUPPORT - self.layer_support)
 
     @property
     def accepted(self) -> bool:
@@ -78,5 +85,6 @@ class Evidence:
 
         The agreement alone does not see that another pose lays more points on the target.
         """
-        support = self.on_surface_fraction * self.surface_agreement
-        return self.accepted, support * float(np.exp(-self.contradiction))
+        if self.free_space_violation is not None or self.layer_support is not None:
+            return self.accepted, self._logit
+        return self.accepted, self.on_surface_fraction * self.surface_agreement

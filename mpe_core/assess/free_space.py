@@ -18,6 +18,10 @@ or behind it to be hidden (docs/tuning.md)."""
 MIN_COMPARED = 25
 """Points that have to be comparable with a range image; fewer tell nothing."""
 
+MAX_RANGE = 4.0
+"""Median range, in radii of the smaller cloud, up to which the margin is less than the depth of
+what is seen; from farther away nothing stands in front of anything."""
+
 MAX_POINTS = 4000
 """Points of each cloud that are compared with the range image of the other one."""
 
@@ -35,6 +39,9 @@ class FreeSpace:
         """Build the range images of source (N, 3) and target (M, 3), each in its own frame."""
         self._source_image = RangeImage(source, source_viewpoint)
         self._target_image = RangeImage(target, target_viewpoint)
+        images = self._source_image, self._target_image
+        self.tells_depths = max(image.median_range for image in images) <= MAX_RANGE
+        """Whether both scanners stood near enough to tell what stands in front of what."""
         self._source = take_every(source, MAX_POINTS)
         self._target = take_every(target, MAX_POINTS)
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
 from mpe_core.assess.free_space import FreeSpace
-from mpe_core.assess.layer_conflict import LayerConflict
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.swapped import PlaneRefiner
 from mpe_core.refine.target_planes import Correspondences
@@ -42,7 +41,6 @@ class PoseScorer:
         overlap: float,
         size_ratio: float,
         free_space: FreeSpace | None = None,
-        layers: LayerConflict | None = None,
     ) -> None:
         """Choose the tolerances for a pair of clouds.
 
@@ -58,11 +56,8 @@ class PoseScorer:
             Radius of the larger cloud over that of the smaller one.
         free_space
             What both scanners saw through, where their positions are known.
-        layers
-            What stands on the grounds of both clouds, where they show one.
         """
         self._free_space = free_space
-        self._layers = layers
         self._planes, self._overlap, self._size_ratio = planes, overlap, size_ratio
         self._tolerance = max(
             ON_SURFACE_TOL,
@@ -87,8 +82,6 @@ class PoseScorer:
         """Add what speaks against the pose T (4, 4)."""
         if self._free_space is not None:
             evidence = replace(evidence, free_space_violation=self._free_space.violation(T))
-        if self._layers is not None:
-            evidence = replace(evidence, layer_conflict=self._layers.share(T))
         return evidence
 
     def _evidence(self, matches: Correspondences) -> Evidence:
@@ -99,7 +92,9 @@ class PoseScorer:
         if chance < MAX_CHANCE_FOR_OVERLAP_TEST:
             tangential = np.square(matches.points - matches.moved).sum(axis=1) - np.square(residual)
             telling = near & (tangential < self._max_tangential**2)
-        on_surface = near & (residual < self._tolerance) & matches.valid
+        on_surface = near & (residual < self._tolerance)
+        if self._free_space is None:  # otherwise it tells the sides of a surface better
+            on_surface &= matches.valid
         share = float(on_surface[telling].mean()) if telling.any() else 0.0
         return Evidence(
             coverage=float(near.mean()),

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mpe_core.assess.confidence import (
-    MAX_FREE_SPACE_VIOLATION,
-    MAX_LAYER_CONFLICT,
-    Evidence,
-)
+from mpe_core.assess.confidence import CONVINCING_LAYER_SUPPORT, Evidence
 from mpe_core.clouds.no_data import Kind
 from mpe_core.clouds.normalize import CloudPair
 from mpe_core.result import Registration
@@ -20,6 +16,9 @@ NO_DATA_TEXTS: dict[Kind, str] = {
     "shell": "they lie on a sphere around the scanner, as beams without echo at the largest range",
 }
 """What rows of each kind are."""
+
+MAX_QUIET_VIOLATION = 0.1
+"""Violation of free space up to which nothing is said: more than at nearly all right poses."""
 
 
 def describe_warnings(pair: CloudPair, evidence: Evidence, result: Registration) -> tuple[str, ...]:
@@ -75,16 +74,17 @@ def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[str]:
 
 
 def _about_contradictions(evidence: Evidence) -> Iterator[str]:
-    violation, conflict = evidence.free_space_violation, evidence.layer_conflict
-    if violation is not None and violation > MAX_FREE_SPACE_VIOLATION:
+    violation, support = evidence.free_space_violation, evidence.layer_support
+    if violation is not None and violation > MAX_QUIET_VIOLATION:
         yield (
             f"{violation:.0%} of the visible points of one scan stand where the other scanner saw"
             " through: check the viewpoints, or give a rough initial_transform"
         )
-    if conflict is not None and conflict > MAX_LAYER_CONFLICT:
+    if support is not None and support < CONVINCING_LAYER_SUPPORT:
         yield (
-            f"{conflict:.0%} of what one cloud shows over the ground is missing in the other,"
-            " which shows the place: the clouds may overlap too little for this pose"
+            "seen from above, what stands on the ground matches better at another pose: the scene"
+            " repeats, or the clouds have too little in common; give the viewpoints, or a rough"
+            " initial_transform"
         )
 
 

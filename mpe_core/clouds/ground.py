@@ -52,6 +52,18 @@ class Ground:
         """Return the same plane with all else below it."""
         return Ground(-self.up, -self.height, self.share, self.is_extremal)
 
+    def opposite(self, points: NDArray[np.float32]) -> Ground:
+        """Return the plane that bounds the points (N, 3) above this one: a ceiling for a floor."""
+        height = np.einsum("ni,i->n", points.astype(np.float64), self.up)
+        above = height[height > self.height + OFF_PLANE_TOL]
+        if not len(above):
+            return self.flipped()
+        slab, counts = np.unique(np.floor(above / PLANE_TOL).astype(np.int64), return_counts=True)
+        densest = (slab[np.argmax(counts)] + 0.5) * PLANE_TOL
+        top = float(np.median(above[np.abs(above - densest) < 1.5 * PLANE_TOL]))
+        share = float((np.abs(height - top) < PLANE_TOL).mean())
+        return Ground(-self.up, -top, share, True)
+
 
 def may_have_ground(points: NDArray[np.float32], normals: NDArray[np.float32]) -> bool:
     """Tell quickly whether a plane may dominate points (N, 3) with these normals (N, 3)."""

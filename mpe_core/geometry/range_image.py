@@ -19,6 +19,8 @@ class RangeImage:
         """Take the ranges of the points (N, 3) as seen from the viewpoint (3,)."""
         self._viewpoint = viewpoint
         cells, ranges = self._project(points)
+        self.median_range = float(np.median(ranges))
+        """Distance of half of the points from the viewpoint."""
         nearest = np.full(ROWS * COLUMNS, np.inf)
         np.minimum.at(nearest, cells, ranges)
         image = nearest.reshape(ROWS, COLUMNS)

@@ -14,42 +14,25 @@ that does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.ndimage import minimum_filter
 
-from mpe_core.clouds.ground import Ground
-from mpe_core.geometry.rigid import pose, rotation_between
+from mpe_core.geometry.rigid import pose
 from mpe_core.progress import FractionCallback
+from mpe_core.search.levelled_cloud import CELL_SIZE, Grid, LevelledCloud
 from mpe_core.search.pose_search import Candidates
 
 Array = NDArray[np.float64]
-Grid = NDArray[np.bool_]
-
-CELL_SIZE = 0.02
-"""Edge of a grid cell in radii of the smaller cloud: about the spacing of the thinned points."""
 
 MAX_GRID_CELLS = 300
 """Cells along one side of a grid; wider scenes get larger cells, so that time stays bounded."""
 
-LAYER_EDGES = np.array([0.012, 0.05, 0.12, 0.3, 1.0])
-"""Heights over the ground between the layers, in radii of the smaller cloud; below the first lies
-the ground itself."""
-
-LAYERS = len(LAYER_EDGES) - 1
-
-GROUND_CELL_SIZE = 0.08
-"""Edge of the cells in which the lowest point is the local ground: slopes are no obstacles."""
-
 TURN_STEP_DEG = 3.0
 """Step of the turns about the vertical: half a cell at 0.4 radii."""
 
-CONFLICT_WEIGHTS = (1.0, 5.0)
+CONFLICT_WEIGHTS = (1.0, 2.0)
 """Weights of a conflict over a match. The first finds airborne strips and streets, the second
 halls with low overlap (docs/tuning.md)."""
 
@@ -58,68 +41,6 @@ SHIFTS_PER_TURN = 4
 
 PEAK_RADIUS = 3
 """Cells around a peak in which no other is taken."""
-
-
-@dataclass(frozen=True)
-class LevelledCloud:
-    """Points seen from above, with their heights over the ground."""
-
-    R: Array
-    """(3, 3) rotation that turns the vertical to z."""
-    ground_height: float
-    """Height of the ground along the vertical."""
-    xy: Array
-    """(N, 2) positions."""
-    layer: NDArray[np.int64]
-    """(N,) layer of each point; -1 on the ground, LAYERS above all layers."""
-
-    @classmethod
-    def from_points(cls, points: NDArray[np.float32], ground: Ground) -> LevelledCloud:
-        """Look at the points (N, 3) from above."""
-        R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
-        levelled = np.einsum("ij,nj->ni", R, points.astype(np.float64))
-        over_ground = levelled[:, 2] - _local_ground(levelled)
-        layer = np.searchsorted(LAYER_EDGES, over_ground) - 1
-        return cls(R, ground.height, levelled[:, :2].copy(), layer)
-
-    @cached_property
-    def centre(self) -> Array:
-        """(2,) centre of the box around the points."""
-        middle: Array = (self.xy.max(axis=0) + self.xy.min(axis=0)) / 2
-        return middle
-
-    @cached_property
-    def radius(self) -> float:
-        """Largest distance of a point from the centre."""
-        return float(np.sqrt(np.square(self.xy - self.centre).sum(axis=1).max()))
-
-
-@dataclass(frozen=True, slots=True)
-class OccupancyGrids:
-    """Grids (LAYERS, n, n) of a cloud seen from above."""
-
-    occupied: Grid
-    """Cells with points."""
-    grown: Grid
-    """Occupied cells and their eight neighbours."""
-    clear: Grid
-    """Cells that show a surface, and nothing at this layer in them or beside them."""
-
-
-def draw_grids(
-    xy: Array, layer: NDArray[np.int64], origin: Array, cells: int, cell_size: float = CELL_SIZE
-) -> OccupancyGrids:
-    """Draw points (N, 2) of known layers into grids with their corner at the origin (2,)."""
-    index = np.floor((xy - origin) / cell_size).astype(np.int64)
-    inside = ((index >= 0) & (index < cells)).all(axis=1)
-    index, layer = index[inside], layer[inside]
-    shown = np.zeros((cells, cells), np.bool_)
-    shown[index[:, 0], index[:, 1]] = True
-    occupied = np.zeros((LAYERS, cells, cells), np.bool_)
-    standing = (layer >= 0) & (layer < LAYERS)
-    occupied[layer[standing], index[standing, 0], index[standing, 1]] = True
-    grown = _grow(occupied)
-    return OccupancyGrids(occupied, grown, shown & ~grown)
 
 
 def find_levelled_poses(
@@ -145,8 +66,8 @@ def find_levelled_poses(
     width = 2 * source.radius + 2 * target.radius
     size = max(CELL_SIZE, width / MAX_GRID_CELLS)
     cells = fft.next_fast_len(int(np.ceil(width / size)) + 4, real=True)
-    half = cells * size / 2
-    fixed = draw_grids(target.xy, target.layer, target.centre - half, cells, size)
+    middle = np.full(2, cells * size / 2)
+    fixed = target.draw(np.eye(2), middle - target.centre, cells, size)
     fixed_grown, fixed_clear, fixed_occupied = (
         np.conj(_transform(grid)) for grid in (fixed.grown, fixed.clear, fixed.occupied)
     )
@@ -154,8 +75,8 @@ def find_levelled_poses(
     peaks: list[list[tuple[float, float, Array]]] = [[] for _ in CONFLICT_WEIGHTS]
     for done, turn in enumerate(turns):
         report(done / len(turns))
-        xy = np.einsum("ij,nj->ni", _turn(turn), source.xy - source.centre)
-        moving = draw_grids(xy, source.layer, np.full(2, -half), cells, size)
+        R = _turn(turn)
+        moving = source.draw(R, middle - R @ source.centre, cells, size)
         occupied, clear = _transform(moving.occupied), _transform(moving.clear)
         matches = _correlation(occupied * fixed_grown, cells)
         conflicts = _correlation(occupied * fixed_clear + clear * fixed_occupied, cells)
@@ -195,7 +116,7 @@ def _pose(source: LevelledCloud, target: LevelledCloud, turn: float, shift: Arra
     R[:2, :2] = _turn(turn)
     t = np.zeros(3)
     t[:2] = target.centre + shift - R[:2, :2] @ source.centre
-    t[2] = target.ground_height - source.ground_height
+    t[2] = target.ground.height - source.ground.height
     return pose(target.R.T @ R @ source.R, target.R.T @ t)
 
 
@@ -215,24 +136,3 @@ def _correlation(spectrum: NDArray[np.complex64], cells: int) -> NDArray[np.floa
         spectrum.sum(axis=0), s=(cells, cells), workers=numba.get_num_threads()
     )
     return summed
-
-
-def _grow(grid: Grid) -> Grid:
-    """Each layer with the eight neighbours of its cells."""
-    grown = grid.copy()
-    grown[:, 1:] |= grid[:, :-1]
-    grown[:, :-1] |= grid[:, 1:]
-    wide = grown.copy()
-    wide[:, :, 1:] |= grown[:, :, :-1]
-    wide[:, :, :-1] |= grown[:, :, 1:]
-    return wide
-
-
-def _local_ground(levelled: Array) -> Array:
-    """(N,) lowest height of points (N, 3) in the coarse cells around each."""
-    index = np.floor(levelled[:, :2] / GROUND_CELL_SIZE).astype(np.int64)
-    index -= index.min(axis=0)
-    lowest = np.full(index.max(axis=0) + 1, np.inf)
-    np.minimum.at(lowest, (index[:, 0], index[:, 1]), levelled[:, 2])
-    around: Array = minimum_filter(lowest, 3)[index[:, 0], index[:, 1]]
-    return around

@@ -1,0 +1,241 @@
+"""A cloud seen from above: what stands on its ground, and what its scanner saw through there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from mpe_core.clouds.ground import Ground
+from mpe_core.geometry.cell_list import CellList, Points
+from mpe_core.geometry.rigid import rotation_between
+from mpe_core.geometry.sampling import take_every
+
+Array = NDArray[np.float64]
+Grid = NDArray[np.bool_]
+Layers = NDArray[np.int64]
+
+CELL_SIZE = 0.02
+"""Edge of a grid cell in radii of the smaller cloud: about the spacing of the thinned points."""
+
+LAYER_EDGES = np.array([0.012, 0.03, 0.05, 0.12, 0.3, 1.0])
+"""Heights over the ground between the layers, in radii of the smaller cloud; below the first lies
+the ground itself (docs/tuning.md)."""
+
+LAYERS = len(LAYER_EDGES) - 1
+
+GROUND_CELL_SIZE = 0.08
+"""Edge of the cells in which the lowest point is the local ground: slopes are no obstacles."""
+
+NORMAL_RADIUS, MAX_UPRIGHT_COSINE = 0.04, 0.7
+"""Radius of the neighbourhoods that tell upright surfaces from level ones, in radii of the smaller
+cloud, and the cosine between normal and vertical up to which a surface is upright."""
+
+MIN_ROOFED_SHARE = 0.45
+"""Share of the level surfaces over seen ground from which on a scene has a ceiling. Ceilings match
+ceilings wherever they slide (docs/tuning.md)."""
+
+MAX_RAYS, RAY_SHARE, MIN_RAY_SAMPLES = 8000, 0.92, 2
+"""Rays from the viewpoint that are followed, the share of each that is free, and the samples of
+rays that clear a cell."""
+
+MAX_RAY_STEPS = 400
+"""Steps of CELL_SIZE along one ray: stray points at any distance cost no more."""
+
+
+@dataclass(frozen=True)
+class LevelledCloud:
+    """Points seen from above, with their heights over the ground."""
+
+    ground: Ground
+    """Plane that the cloud is seen from above of."""
+    R: Array
+    """(3, 3) rotation that turns the vertical to z."""
+    xy: Array
+    """(N, 2) positions."""
+    layer: Layers
+    """(N,) layer of each point; -1 on the ground, LAYERS above all layers."""
+    free_xy: Array | None
+    """(M, 2) cells that rays of the scanner crossed; None if its position is not known."""
+    free_layer: Layers | None
+    """(M,) layer of each of these cells."""
+
+    @classmethod
+    def from_points(
+        cls,
+        points: Points,
+        ground: Ground,
+        viewpoint: Array | None = None,
+        *,
+        has_ceiling: bool = False,
+    ) -> LevelledCloud:
+        """Look at the points (N, 3) from above.
+
+        Parameters
+        ----------
+        points
+            (N, 3) points in radii of the smaller cloud.
+        ground
+            Ground of the cloud.
+        viewpoint
+            (3,) position of the scanner, if it is known.
+        has_ceiling
+            Whether level surfaces count as ground, at whatever height they are.
+        """
+        levelled, R = _level(points, ground)
+        heights = _LocalGround(levelled)
+        layer = _layer_of(levelled[:, 2] - heights.at(levelled[:, :2]))
+        if has_ceiling:
+            layer[_is_level(points, ground)] = -1
+        free_xy, free_layer = None, None
+        if viewpoint is not None:
+            free_xy, free_layer = _follow_rays(levelled, R @ viewpoint, heights)
+        return cls(ground, R, levelled[:, :2].copy(), layer, free_xy, free_layer)
+
+    @cached_property
+    def centre(self) -> Array:
+        """(2,) centre of the box around the points."""
+        middle: Array = (self.xy.max(axis=0) + self.xy.min(axis=0)) / 2
+        return middle
+
+    @cached_property
+    def radius(self) -> float:
+        """Largest distance of a point from the centre."""
+        return float(np.sqrt(np.square(self.xy - self.centre).sum(axis=1).max()))
+
+    def draw(self, A: Array, b: Array, cells: int, cell_size: float = CELL_SIZE) -> OccupancyGrids:
+        """Draw the cloud moved by x -> A x + b into grids whose corner is the origin.
+
+        Parameters
+        ----------
+        A, b
+            (2, 2) turn and (2,) shift.
+        cells
+            Cells along one side of a grid.
+        cell_size
+            Edge of a cell.
+        """
+
+        def drawn(xy: Array, layer: Layers) -> Grid:
+            standing = (layer >= 0) & (layer < LAYERS)
+            return _draw(np.einsum("ij,nj->ni", A, xy[standing]) + b, layer[standing])
+
+        def _draw(xy: Array, layer: Layers) -> Grid:
+            grid = np.zeros((LAYERS, cells, cells), np.bool_)
+            index = np.floor(xy / cell_size).astype(np.int64)
+            inside = ((index >= 0) & (index < cells)).all(axis=1)
+            index = index[inside]
+            grid[layer[inside], index[:, 0], index[:, 1]] = True
+            return grid
+
+        occupied = drawn(self.xy, self.layer)
+        grown = _grow(occupied)
+        if self.free_xy is None or self.free_layer is None:
+            shown = drawn(self.xy, np.zeros_like(self.layer))[:1]
+        else:
+            shown = drawn(self.free_xy, self.free_layer)
+        return OccupancyGrids(occupied, grown, shown & ~grown)
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyGrids:
+    """Grids (LAYERS, n, n) of a cloud seen from above."""
+
+    occupied: Grid
+    """Cells with points."""
+    grown: Grid
+    """Occupied cells and their eight neighbours."""
+    clear: Grid
+    """Cells that the scanner saw through, or, where its position is not known, that show a surface;
+    without those with points at this layer in them or beside them."""
+
+
+def has_ceiling(points: Points, ground: Ground) -> bool:
+    """Tell whether level surfaces of the points (N, 3) hang over the ground that is seen."""
+    levelled, _ = _level(points, ground)
+    layer = _layer_of(levelled[:, 2] - _LocalGround(levelled).at(levelled[:, :2]))
+    over = _is_level(points, ground) & (layer >= 0)
+    if not over.any():
+        return False
+    cell = np.floor(levelled[:, :2] / CELL_SIZE).astype(np.int64)
+    cell -= cell.min(axis=0)
+    number = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+    return float(np.isin(number[over], number[layer < 0]).mean()) >= MIN_ROOFED_SHARE
+
+
+def _level(points: Points, ground: Ground) -> tuple[Array, Array]:
+    """Points (N, 3) turned so that the vertical is z, and the rotation (3, 3)."""
+    R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
+    return np.einsum("ij,nj->ni", R, points.astype(np.float64)), R
+
+
+def _layer_of(height: Array) -> Layers:
+    """(N,) layers of heights (N,) over the ground."""
+    return np.searchsorted(LAYER_EDGES, height) - 1
+
+
+def _is_level(points: Points, ground: Ground) -> NDArray[np.bool_]:
+    """(N,) whether the surface around each point (N, 3) is level rather than upright."""
+    normals = CellList(points, NORMAL_RADIUS).planes(points).normals.astype(np.float64)
+    level: NDArray[np.bool_] = np.abs(np.einsum("ni,i->n", normals, ground.up)) > MAX_UPRIGHT_COSINE
+    return level
+
+
+class _LocalGround:
+    """Lowest height of levelled points (N, 3) in the coarse cells around a place."""
+
+    def __init__(self, levelled: Array) -> None:
+        index = np.floor(levelled[:, :2] / GROUND_CELL_SIZE).astype(np.int64)
+        self._corner = index.min(axis=0)
+        index -= self._corner
+        lowest = np.full(index.max(axis=0) + 1, np.inf)
+        np.minimum.at(lowest, (index[:, 0], index[:, 1]), levelled[:, 2])
+        seen = np.isfinite(lowest)
+        eroded = minimum_filter(lowest, 3)
+        self._lowest = maximum_filter(np.where(seen, eroded, -np.inf), 3)
+        self._lowest[np.isneginf(self._lowest)] = np.inf
+
+    def at(self, xy: Array) -> Array:
+        """(N,) heights at the places (N, 2); infinite where no point is near."""
+        index = np.floor(xy / GROUND_CELL_SIZE).astype(np.int64) - self._corner
+        inside = ((index >= 0) & (index < self._lowest.shape)).all(axis=1)
+        heights = np.full(len(xy), np.inf)
+        heights[inside] = self._lowest[index[inside, 0], index[inside, 1]]
+        return heights
+
+
+def _follow_rays(levelled: Array, viewpoint: Array, heights: _LocalGround) -> tuple[Array, Layers]:
+    """Centres (M, 2) and layers (M,) of the cells that the rays to the points (N, 3) cross."""
+    offset = take_every(levelled, MAX_RAYS) - viewpoint
+    ranges = np.sqrt(np.einsum("ni,ni->n", offset, offset))
+    steps = np.clip(RAY_SHARE * ranges / CELL_SIZE, 0, MAX_RAY_STEPS).astype(np.int64)
+    ray = np.repeat(np.arange(len(ranges)), steps)
+    step = np.arange(steps.sum()) - np.repeat(np.cumsum(steps) - steps, steps)
+    share = (step + 0.5) * CELL_SIZE / np.maximum(ranges[ray], CELL_SIZE)
+    x = viewpoint + share[:, None] * offset[ray]
+    layer = _layer_of(x[:, 2] - heights.at(x[:, :2]))
+    standing = (layer >= 0) & (layer < LAYERS)
+    cell = np.floor(x[standing, :2] / CELL_SIZE).astype(np.int64)
+    if not len(cell):
+        return np.empty((0, 2)), np.empty(0, np.int64)
+    low = cell.min(axis=0)
+    width, height = cell.max(axis=0) - low + 1
+    number = (layer[standing] * width + cell[:, 0] - low[0]) * height + cell[:, 1] - low[1]
+    number, counts = np.unique(number, return_counts=True)
+    number = number[counts >= MIN_RAY_SAMPLES]
+    layer, place = np.divmod(number, width * height)
+    return (np.stack(np.divmod(place, height), axis=1) + low + 0.5) * CELL_SIZE, layer
+
+
+def _grow(grid: Grid) -> Grid:
+    """Each layer with the eight neighbours of its cells."""
+    grown = grid.copy()
+    grown[:, 1:] |= grid[:, :-1]
+    grown[:, :-1] |= grid[:, 1:]
+    wide = grown.copy()
+    wide[:, :, 1:] |= grown[:, :, :-1]
+    wide[:, :, :-1] |= grown[:, :, 1:]
+    return wide
