@@ -12,9 +12,17 @@ AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT = 18.6, 6.6, -18.7
 """Logistic model of right against wrong poses, fitted by `python -m benchmarks calibration` to half
 of the pairs; a wrong pose counts twice (docs/tuning.md)."""
 
-SEEN_AGREEMENT_WEIGHT, VIOLATION_WEIGHT, SEEN_INTERCEPT = 10.0, -27.0, -3.5
-"""The same model where both viewpoints are known: the violation of free space tells more than the
-coverage (docs/tuning.md)."""
+SEEN_AGREEMENT_WEIGHT, SEEN_COVERAGE_WEIGHT, VIOLATION_WEIGHT, SEEN_INTERCEPT = (
+    20.0,
+    1.5,
+    20.0,
+    -12.2,
+)
+"""The model where both viewpoints are known: of the coverage only the logarithm of what lacks to
+ENOUGH_COVERAGE counts, and free space says the rest (docs/tuning.md)."""
+
+ENOUGH_COVERAGE, MIN_COVERAGE = 0.3, 0.01
+"""Coverage from which on more says nothing where free space is known, and its least value."""
 
 CONVINCING_LAYER_SUPPORT, LAYER_WEIGHT = 0.8, 5.0
 """Support by the layers from which on a pose counts as the best one, and how much the log odds fall
@@ -64,8 +72,10 @@ class Evidence:
             coverage = min(1.0, self.coverage / self.overlap)
             logit = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * coverage
             return logit + INTERCEPT - self._lack_of_support
-        logit = SEEN_AGREEMENT_WEIGHT * self.surface_agreement + SEEN_INTERCEPT
-        return logit + VIOLATION_WEIGHT * self.free_space_violation - self._lack_of_support
+        coverage = min(max(self.coverage, MIN_COVERAGE), ENOUGH_COVERAGE) / ENOUGH_COVERAGE
+        logit = SEEN_AGREEMENT_WEIGHT * self.surface_agreement
+        logit += SEEN_COVERAGE_WEIGHT * float(np.log(coverage)) + SEEN_INTERCEPT
+        return logit - VIOLATION_WEIGHT * self.free_space_violation - self._lack_of_support
 
     @property
     def _lack_of_support(self) -> float:

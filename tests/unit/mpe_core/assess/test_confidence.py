@@ -102,12 +102,20 @@ def test_who_says_where_to_look_has_patches_of_ground_accepted(street):
 
 def test_what_contradicts_a_pose_lowers_its_confidence_and_its_rank():
     plain = Evidence(coverage=0.8, on_surface_fraction=0.7, surface_agreement=0.85)
-    drift = replace(plain, free_space_violation=0.05, layer_conflict=0.2)
-    assert drift.confidence == plain.confidence
-    for contradicted in (
-        replace(plain, free_space_violation=0.4),
-        replace(plain, layer_conflict=0.5),
-    ):
-        assert plain.accepted
-        assert not contradicted.accepted
-        assert contradicted.sort_key < plain.sort_key
+    best = replace(plain, layer_support=0.9)
+    assert best.accepted
+    assert best.confidence == plain.confidence
+    surpassed = replace(plain, layer_support=-0.5)
+    assert not surpassed.accepted
+    assert surpassed.sort_key < best.sort_key
+    seen = replace(plain, free_space_violation=0.02)
+    assert seen.accepted
+    contradicted = replace(plain, free_space_violation=0.4)
+    assert not contradicted.accepted
+    assert contradicted.sort_key < seen.sort_key
+
+
+def test_free_space_counts_for_a_small_overlap_that_fits():
+    little = Evidence(coverage=0.2, on_surface_fraction=0.15, surface_agreement=0.8)
+    assert not little.accepted
+    assert replace(little, free_space_violation=0.0).accepted
