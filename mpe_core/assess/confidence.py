@@ -12,12 +12,8 @@ AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT = 18.6, 6.6, -18.7
 """Logistic model of right against wrong poses, fitted by `python -m benchmarks calibration` to half
 of the pairs; a wrong pose counts twice (docs/tuning.md)."""
 
-SEEN_AGREEMENT_WEIGHT, SEEN_COVERAGE_WEIGHT, VIOLATION_WEIGHT, SEEN_INTERCEPT = (
-    20.0,
-    1.5,
-    20.0,
-    -12.2,
-)
+SEEN_AGREEMENT_WEIGHT, SEEN_COVERAGE_WEIGHT = 20.0, 1.5
+VIOLATION_WEIGHT, SEEN_INTERCEPT = 20.0, -12.2
 """The model where both viewpoints are known: of the coverage only the logarithm of what lacks to
 ENOUGH_COVERAGE counts, and free space says the rest (docs/tuning.md)."""
 
@@ -52,8 +48,8 @@ class Evidence:
     """Share of the visible points of one scan that stand in what the other one saw through; None
     where the scanners' positions are not known."""
     layer_support: float | None = None
-    """How well the clouds match as seen from above, from -1 to 1, which the best pose of all that
-    were found has; None where no ground is seen at the pose."""
+    """Score of the pose as seen from above over that of the best pose that was found, from -1 to 1;
+    None where the clouds show no ground, or not the same at the pose."""
     degenerate_dof: int = 0
     """Number of directions in which the surfaces slide on themselves; counted only beyond
     MAX_CALIBRATED_SIZE_RATIO."""

@@ -8,9 +8,9 @@ from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply, inverse, rotation_error
+from mpe_core.search.levelled_pair import level_clouds
 from mpe_core.search.levelled_search import find_levelled_poses
 from tests.factories.clouds import motion, random_rotation
-from mpe_core.search.levelled_pair import level_clouds
 from tests.factories.worlds import World, hall, relative_pose, scan_world, street
 
 
