@@ -87,6 +87,7 @@ class PosePipeline:
         self.source, self.target, self._prior, self._options = source, target, prior, options
         self._size_ratio = size_ratio
         self._regime = choose_regime(source, target)
+        self._free_space = _free_space(source, target)
         planes = _plane_refiner(source, target, prior, self._regime, options)
         self.scorer = PoseScorer(
             planes,
@@ -94,7 +95,7 @@ class PosePipeline:
             overlap=options.overlap or 1.0,
             # near an initial pose there are no more chance fits than on a cloud of like size
             size_ratio=size_ratio if prior.initial is None else 1.0,
-            free_space=_free_space(source, target),
+            free_space=self._free_space,
         )
         self.planes = planes
         self.refiner: Refiner = planes
@@ -121,6 +122,8 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
+            if self._free_space is not None and _has_convincing(poses, level):
+                break  # free space has told slides from the truth
             if level is SEARCH_LEVELS[0] and self._layers is not None:
                 self._search_levelled(poses, progress)
             poses = self._with_layer_support(poses)
