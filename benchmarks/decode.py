@@ -1,11 +1,15 @@
-"""Seconds to decode a million points of each format: python -m benchmarks.decode."""
+"""Seconds to decode a million points of each format, beside other libraries.
+
+``python -m benchmarks.decode``; libraries that are not installed (pandas) are left out.
+"""
 
 from __future__ import annotations
 
 import io
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 import laspy
@@ -20,21 +24,65 @@ Array = NDArray[np.float32]
 
 
 def main() -> None:
-    """Write and decode a cloud in each format; print sizes and seconds."""
+    """Write and decode a cloud in each format; print sizes, seconds, and those of others."""
     points = np.random.default_rng(0).normal(0, 10, (COUNT, 3)).astype(np.float32)
     print(f"{COUNT} points, best of {REPEATS}")
     with tempfile.TemporaryDirectory() as folder:
         for name, write in WRITERS.items():
-            path = Path(folder) / "cloud"
+            path = Path(folder) / f"cloud.{name[:3].lower()}"
             write(path, points)
-            best = min(_seconds(path) for _ in range(REPEATS))
-            print(f"{name:24}{path.stat().st_size / 1e6:8.1f} MB{best:9.3f} s")
+            best = _best(lambda path: len(read_points(path).points), path)
+            others = "".join(
+                f"{library:>12}{seconds:9.3f} s" for library, seconds in _others(name, path)
+            )
+            print(f"{name:24}{path.stat().st_size / 1e6:8.1f} MB{best:9.3f} s{others}")
 
 
-def _seconds(path: Path) -> float:
+def _others(name: str, path: Path) -> Iterator[tuple[str, float]]:
+    """Yield the seconds of the other libraries that read the format."""
+    for library, formats, read in OTHERS:
+        if not name.startswith(formats):
+            continue
+        try:
+            import_module(library)
+        except ImportError:
+            continue
+        yield library, _best(read, path)
+
+
+def _best(read: Callable[[Path], int], path: Path) -> float:
+    return min(_seconds(read, path) for _ in range(REPEATS))
+
+
+def _seconds(read: Callable[[Path], int], path: Path) -> float:
     started = time.perf_counter()
-    assert len(read_points(path).points) == COUNT
+    assert read(path) == COUNT
     return time.perf_counter() - started
+
+
+def _open3d(path: Path) -> int:
+    return len(import_module("open3d").io.read_point_cloud(str(path)).points)
+
+
+def _laspy(path: Path) -> int:
+    return len(laspy.read(path, laz_backend=laspy.LazBackend.Lazrs).xyz)
+
+
+def _pandas(path: Path) -> int:
+    return len(import_module("pandas").read_csv(path, sep=" ", header=None).to_numpy())
+
+
+def _numpy(path: Path) -> int:
+    return len(np.load(path))
+
+
+OTHERS: tuple[tuple[str, tuple[str, ...], Callable[[Path], int]], ...] = (
+    ("open3d", ("PLY", "PCD", "XYZ"), _open3d),
+    ("pandas", ("XYZ",), _pandas),
+    ("laspy", ("LAS", "LAZ"), _laspy),
+    ("numpy", ("NPY",), _numpy),
+)
+"""Library, the formats that it reads, and the reader that returns the number of points."""
 
 
 def _text(points: Array) -> bytes:
