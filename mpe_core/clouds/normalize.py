@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.clouds.uneven import even_out
 from mpe_core.clouds.validate import Cloud
 from mpe_core.geometry.bounds import centered
 from mpe_core.geometry.sampling import take_every
@@ -48,6 +49,8 @@ class CloudPair:
     """Length of 1 in the caller's unit."""
     size_ratio: float
     """Radius of the larger cloud over the unit."""
+    is_uneven: bool = False
+    """Whether few places hold nearly all points of a cloud, so that it is thinned more."""
 
     def to_caller(self, T: Array) -> Array:
         """(4, 4) pose between the caller's clouds, for the pose T between the normalized ones."""
@@ -73,10 +76,7 @@ class CloudPair:
 
     def radii(self) -> tuple[float, float]:
         """Radii of source and target, in the caller's unit."""
-        return (
-            robust_radius(self.source_cloud.weighted(self.source_cloud.points), self.source_centre),
-            robust_radius(self.target_cloud.weighted(self.target_cloud.points), self.target_centre),
-        )
+        return _measure(self.source_cloud)[1], _measure(self.target_cloud)[1]
 
 
 def normalize_pair(source: Cloud, target: Cloud) -> CloudPair:
@@ -84,17 +84,24 @@ def normalize_pair(source: Cloud, target: Cloud) -> CloudPair:
 
     Only points of a weight above 0 set centres and radii.
     """
-    centres = source.centroid(), target.centroid()
-    small, large = sorted(
-        robust_radius(cloud.weighted(cloud.points), centre)
-        for cloud, centre in zip((source, target), centres, strict=True)
-    )
+    centres, radii, are_uneven = zip(*(_measure(each) for each in (source, target)), strict=True)
+    small, large = sorted(radii)
     unit = max(small, MIN_RADIUS_RATIO * large)
     x, y = (
         centered(cloud.points, centre, unit)
         for cloud, centre in zip((source, target), centres, strict=True)
     )
-    return CloudPair(source, target, x, y, *centres, unit, large / unit)
+    return CloudPair(
+        source, target, x, y, centres[0], centres[1], unit, large / unit, any(are_uneven)
+    )
+
+
+def _measure(cloud: Cloud) -> tuple[Array, float, bool]:
+    """Centre (3,) and radius of a cloud, and whether its density is uneven."""
+    points, centre = cloud.weighted(cloud.points), cloud.centroid()
+    radius = robust_radius(points, centre)
+    middle, reach = even_out(points, centre, radius)
+    return middle, reach, reach > radius
 
 
 def robust_radius(points: Array, centre: Array) -> float:

@@ -23,6 +23,10 @@ MIN_VOXEL_SIZE, MAX_VOXEL_SIZE = 1e-3, 0.2
 """Finest and coarsest thinning, in radii of the smaller cloud: a sphere keeps 12 million
 and some 300 points."""
 
+UNEVEN_VOXEL_SIZE = 0.045
+"""Edge of the coarse thinning where few places hold nearly all points: else they outweigh the
+rest of the surface."""
+
 FINE_VOXEL_RATIO = 1 / 3
 """Edge of the fine thinning over that of the coarse one. It evens out the density around a scanner
 and averages noise; the refinement is as exact as with the full clouds."""
@@ -104,7 +108,8 @@ def prepare_clouds(
     InvalidOptionsError
         If `voxel_size` does not suit the size of the clouds.
     """
-    voxel_size = VOXEL_SIZE if options.voxel_size is None else options.voxel_size / pair.unit
+    usual = UNEVEN_VOXEL_SIZE if pair.is_uneven else VOXEL_SIZE
+    voxel_size = usual if options.voxel_size is None else options.voxel_size / pair.unit
     if not MIN_VOXEL_SIZE <= voxel_size <= MAX_VOXEL_SIZE:
         raise InvalidOptionsError(
             f"voxel_size must be from {MIN_VOXEL_SIZE * pair.unit:.6g} to"

@@ -1,0 +1,61 @@
+"""Clouds of uneven density: most points in one small place do not set centre and unit of length."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mpe_core.geometry.sampling import take_every
+
+Array = NDArray[np.float64]
+
+MIN_RATIO = 3.0
+"""Distance of the farthest point over the radius from which on the points beyond are looked at."""
+
+MIN_OUTER_POINTS, OUTER_SUBSET = 100, 600
+"""Points beyond the radius that can show a surface, and how many of them are looked at."""
+
+NEIGHBOURS, MAX_VARIATION = 10, 0.105
+"""Neighbours of such a point, and their median surface variation up to which they show a surface:
+stray points in a volume have 0.13."""
+
+CELLS_PER_LENGTH = 64
+"""Cells over the extent of the cloud; each counts once, however many points it holds."""
+
+CELL_QUANTILE = 0.98
+"""Share of the cells within the radius."""
+
+
+def even_out(points: Array, centre: Array, radius: float) -> tuple[Array, float]:
+    """Return centre (3,) and radius of the surface, where few places hold nearly all points.
+
+    Parameters
+    ----------
+    points
+        (N, 3) points.
+    centre, radius
+        Those by the number of points; returned as they are for all other clouds.
+    """
+    distance = np.sqrt(np.square(points - centre).sum(axis=1))
+    if distance.max() <= MIN_RATIO * radius:
+        return centre, radius
+    outer = points[distance > 1.5 * radius]
+    if len(outer) < MIN_OUTER_POINTS or not _is_surface(outer):
+        return centre, radius
+    low, extent = points.min(axis=0), float(np.ptp(points, axis=0).max())
+    cells = np.unique(np.floor((points - low) * (CELLS_PER_LENGTH / extent)), axis=0)
+    places = (cells + 0.5) * (extent / CELLS_PER_LENGTH) + low
+    middle = places.mean(axis=0)
+    reach = float(np.quantile(np.sqrt(np.square(places - middle).sum(axis=1)), CELL_QUANTILE))
+    return (middle, reach) if reach > MIN_RATIO * radius else (centre, radius)
+
+
+def _is_surface(points: Array) -> bool:
+    subset = take_every(points, OUTER_SUBSET)
+    _, rows = cKDTree(points).query(subset, NEIGHBOURS)
+    near = points[np.asarray(rows)]
+    near = near - near.mean(axis=1, keepdims=True)
+    spread = np.linalg.eigvalsh(np.einsum("nki,nkj->nij", near, near))
+    variation = spread[:, 0] / np.maximum(spread.sum(axis=1), np.finfo(float).tiny)
+    return bool(np.median(variation) <= MAX_VARIATION)
