@@ -17,13 +17,14 @@ from mpe_core.errors import (
     TooFewPointsError,
 )
 from mpe_core.options import RegistrationOptions
-from mpe_core.result import Inliers, Registration
+from mpe_core.result import CodedWarning, Inliers, Registration
 
 if TYPE_CHECKING:
     from mpe_core.registration import register
 
 __all__ = [
     "CloudShapeError",
+    "CodedWarning",
     "CoordinateRangeError",
     "DegenerateCloudError",
     "Inliers",

@@ -3,9 +3,49 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+WarningCode = Literal[
+    "file",
+    "rows_not_finite",
+    "rows_zeros",
+    "rows_far",
+    "rows_copies",
+    "rows_shell",
+    "not_converged",
+    "low_confidence",
+    "free_space",
+    "layers",
+    "other_units",
+    "units_changed",
+    "mirrored",
+    "other_scale",
+    "ambiguous",
+    "free_directions",
+    "no_inliers",
+]
+"""Stable names of warnings (docs/when-it-says-no.md); "file" is about how a file was read."""
+WARNING_CODES: tuple[WarningCode, ...] = get_args(WarningCode)
+
+
+class CodedWarning(str):
+    """Text of a warning, with a stable code."""
+
+    code: WarningCode
+    """What it is about, for programs."""
+
+    def __new__(cls, code: WarningCode, message: str) -> Self:
+        """Make a warning of a code and a text."""
+        warning = super().__new__(cls, message)
+        warning.code = code
+        return warning
+
+    def __getnewargs__(self) -> tuple[WarningCode, str]:  # type: ignore[override]
+        """Return what `__new__` takes, for copies and pickles."""
+        return self.code, str(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +126,8 @@ class Registration:
     scale: float
     """Factor that the transform scales the source by: 1 unless `scale` of the options allows
     another. The transform is then a similarity, x_target = scale R x_source + t."""
-    warnings: tuple[str, ...]
-    """What a caller should know before using the result, in words."""
+    warnings: tuple[CodedWarning, ...]
+    """What a caller should know before using the result: strings, each with a stable `code`."""
     timing: dict[str, float]
     """Seconds by stage: prepare, search, refine, inliers, total."""
     scale_deviation: float = 0.0

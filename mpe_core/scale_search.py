@@ -15,7 +15,7 @@ from mpe_core.options import RegistrationOptions
 from mpe_core.progress import Progress
 from mpe_core.refine.scale import ScaleStep, estimate_scale_step
 from mpe_core.refine.swapped import SwappedPointToPlane
-from mpe_core.result import Registration
+from mpe_core.result import CodedWarning, Registration
 from mpe_core.rigid_registration import Attempt, register_rigidly
 from mpe_core.search.pose_search import SEARCH_LEVELS
 
@@ -97,9 +97,10 @@ def _register_units(
             source.scaled(guess.factor), target, options, progress, levels=QUICK_LEVELS
         )
         if attempt.found.accepted:
-            text = (
+            text = CodedWarning(
+                "units_changed",
                 f"the source is taken to be in {guess.source} and the target in {guess.target}:"
-                f" the transform scales by {guess.factor:.6g}"
+                f" the transform scales by {guess.factor:.6g}",
             )
             return _with_cause(_Scaled(guess.factor, attempt).result(), text)
     return register_rigidly(source, target, options, progress).found
@@ -118,9 +119,10 @@ def _doubt_scale(
     gain = after.on_surface_fraction * after.surface_agreement
     if gain < MIN_GAIN * before.on_surface_fraction * before.surface_agreement:
         return first.found
-    text = (
+    text = CodedWarning(
+        "other_scale",
         f"the clouds fit better with the source scaled by {refined.scale:.4g}: check the scale of"
-        ' both, or set scale to "free"'
+        ' both, or set scale to "free"',
     )
     doubted = replace(
         first.found,
@@ -132,7 +134,7 @@ def _doubt_scale(
 
 def _name_cause(
     source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
-) -> str | None:
+) -> CodedWarning | None:
     """Name what would make a refused pair fit: other units, or the other hand."""
     if options.initial_transform is not None or options.method != "mpl":
         return None
@@ -143,16 +145,18 @@ def _name_cause(
         if trial.found.accepted:
             larger = max(guess.factor, 1 / guess.factor)
             names = ("target", "source") if guess.factor > 1 else ("source", "target")
-            return (
+            return CodedWarning(
+                "other_units",
                 f"the {names[0]} is {larger:.6g} times as large as the {names[1]}: they fit with"
                 f" the source in {guess.source} and the target in {guess.target}. Convert both to"
-                ' one unit, or set scale to "units"'
+                ' one unit, or set scale to "units"',
             )
     trial = register_rigidly(source.mirrored(), target, options, progress, levels=QUICK_LEVELS)
     if trial.found.accepted:
-        return (
+        return CodedWarning(
+            "mirrored",
             "the clouds are mirror images: mirrored (x turned to -x), the source fits. Look for a"
-            " left-handed or swapped axis in the export of one of them"
+            " left-handed or swapped axis in the export of one of them",
         )
     return None
 
@@ -223,5 +227,5 @@ def _scale_step(attempt: Attempt) -> ScaleStep | None:
     return step
 
 
-def _with_cause(found: Registration, cause: str | None) -> Registration:
+def _with_cause(found: Registration, cause: CodedWarning | None) -> Registration:
     return found if cause is None else replace(found, warnings=(*found.warnings, cause))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from mpe_core.assess.confidence import CONVINCING_LAYER_SUPPORT, Evidence
 from mpe_core.clouds.no_data import Kind
 from mpe_core.clouds.normalize import CloudPair
-from mpe_core.result import Registration
+from mpe_core.result import CodedWarning, Registration, WarningCode
 
 NO_DATA_TEXTS: dict[Kind, str] = {
     "zeros": "they are (0, 0, 0), which stands for no measurement",
@@ -17,11 +17,21 @@ NO_DATA_TEXTS: dict[Kind, str] = {
 }
 """What rows of each kind are."""
 
+NO_DATA_CODES: dict[Kind, WarningCode] = {
+    "zeros": "rows_zeros",
+    "far": "rows_far",
+    "copies": "rows_copies",
+    "shell": "rows_shell",
+}
+"""Codes of their warnings."""
+
 MAX_QUIET_VIOLATION = 0.1
 """Violation of free space up to which nothing is said: more than at nearly all right poses."""
 
 
-def describe_warnings(pair: CloudPair, evidence: Evidence, result: Registration) -> tuple[str, ...]:
+def describe_warnings(
+    pair: CloudPair, evidence: Evidence, result: Registration
+) -> tuple[CodedWarning, ...]:
     """Say what a caller should know before using the result.
 
     Parameters
@@ -42,68 +52,79 @@ def describe_warnings(pair: CloudPair, evidence: Evidence, result: Registration)
     )
 
 
-def _about_clouds(pair: CloudPair) -> Iterator[str]:
+def _about_clouds(pair: CloudPair) -> Iterator[CodedWarning]:
     for name, cloud in (("source", pair.source_cloud), ("target", pair.target_cloud)):
         if cloud.dropped_rows:
-            yield f"{cloud.dropped_rows} rows of the {name} were ignored: they hold NaN or infinity"
+            yield CodedWarning(
+                "rows_not_finite",
+                f"{cloud.dropped_rows} rows of the {name} were ignored: they hold NaN or infinity",
+            )
         for left_out in cloud.no_data:
-            yield (
+            yield CodedWarning(
+                NO_DATA_CODES[left_out.kind],
                 f"{left_out.count} rows of the {name} were left out:"
-                f" {NO_DATA_TEXTS[left_out.kind]}; set keep_no_data to keep them"
+                f" {NO_DATA_TEXTS[left_out.kind]}; set keep_no_data to keep them",
             )
 
 
-def _about_convergence(result: Registration) -> Iterator[str]:
+def _about_convergence(result: Registration) -> Iterator[CodedWarning]:
     if not result.converged:
-        yield (
+        yield CodedWarning(
+            "not_converged",
             f"not converged after {result.iterations} iterations: raise max_iterations, or check"
-            " that the clouds show the same thing"
+            " that the clouds show the same thing",
         )
 
 
-def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[str]:
+def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[CodedWarning]:
     if evidence.accepted:
         return
-    yield (
+    yield CodedWarning(
+        "low_confidence",
         f"low confidence, do not trust this pose: {evidence.coverage:.0%} of the points lie near"
         f" the target, and {evidence.surface_agreement:.0%} of the overlapping ones"
         " (chance-corrected) lie on its surface; the clouds may overlap too little, or show"
-        " different things"
+        " different things",
     )
     yield from _about_contradictions(evidence)
 
 
-def _about_contradictions(evidence: Evidence) -> Iterator[str]:
+def _about_contradictions(evidence: Evidence) -> Iterator[CodedWarning]:
     violation, support = evidence.free_space_violation, evidence.layer_support
     if violation is not None and violation > MAX_QUIET_VIOLATION:
-        yield (
+        yield CodedWarning(
+            "free_space",
             f"{violation:.0%} of the visible points of one scan stand where the other scanner saw"
-            " through: check the viewpoints, or give a rough initial_transform"
+            " through: check the viewpoints, or give a rough initial_transform",
         )
     if support is not None and support < CONVINCING_LAYER_SUPPORT:
-        yield (
+        yield CodedWarning(
+            "layers",
             "seen from above, what stands on the ground matches better at another pose: the scene"
             " repeats, or the clouds have too little in common; give the viewpoints, or a rough"
-            " initial_transform"
+            " initial_transform",
         )
 
 
-def _about_ambiguity(result: Registration) -> Iterator[str]:
+def _about_ambiguity(result: Registration) -> Iterator[CodedWarning]:
     if result.ambiguous:
-        yield (
+        yield CodedWarning(
+            "ambiguous",
             f"{len(result.alternatives)} other poses fit as well (see alternatives): the shape is"
-            " symmetric, or slides on itself"
+            " symmetric, or slides on itself",
         )
     if len(result.free_directions):
-        yield (
+        yield CodedWarning(
+            "free_directions",
             f"the pose is undetermined in {len(result.free_directions)} of 6 directions (see"
-            " free_directions): the surfaces slide on themselves"
+            " free_directions): the surfaces slide on themselves",
         )
 
 
-def _about_inliers(result: Registration) -> Iterator[str]:
+def _about_inliers(result: Registration) -> Iterator[CodedWarning]:
     if not len(result.inliers):
-        yield (
+        yield CodedWarning(
+            "no_inliers",
             "no source point is within the inlier threshold"
-            f" {result.inliers.threshold:.6g} of the target"
+            f" {result.inliers.threshold:.6g} of the target",
         )

@@ -138,7 +138,10 @@ class JobSummary(ResponseModel):
         description="Time at which the registration is deleted (UTC); null until it has ended."
     )
     timing: Timing
-    warnings: list[str] = Field(description="Oddities of the input or the result.")
+    warnings: list[str] = Field(
+        description="Oddities of the input or the result, in words. Kept for one release: "
+        "`result.warnings` has them with codes."
+    )
     error: Problem | None = Field(description="Why it failed; null unless it did.")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from mpe_core.result import WarningCode
 from service.schemas.arrays import IndexPair, Matrix4x4, Matrix6x6, Vector3, Vector4, Vector6
 from service.schemas.base import ResponseModel
 
@@ -28,6 +29,13 @@ class InlierSummary(ResponseModel):
         description="[source index, target index] of each pair, counted from 0 in the order of the "
         f"files; null above {MAX_INLINE_PAIRS:,} pairs: fetch .../inliers then."
     )
+
+
+class ResultWarning(ResponseModel):
+    """What a caller should know before using the result."""
+
+    code: WarningCode = Field(description="Stable name of the warning; new ones may be added.")
+    message: str = Field(description="The same in words; its text may change.")
 
 
 class Result(ResponseModel):
@@ -76,6 +84,9 @@ class Result(ResponseModel):
     converged: bool = Field(description="Whether the refinement settled before its bound.")
     iterations: int = Field(ge=0, description="Iterations of the last stage; a count.")
     inliers: InlierSummary
+    warnings: list[ResultWarning] = Field(
+        description="What to know before using the result, about the files first."
+    )
 
 
 class InlierList(ResponseModel):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core import Inliers, Registration
-from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, Rotation
+from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, ResultWarning, Rotation
 
 INLIER_DTYPE = np.dtype([("source", "<i8"), ("target", "<i8"), ("distance", "<f8")])
 """Row of the inliers' .npy file."""
@@ -19,8 +19,8 @@ ROWS_PER_CHUNK = 4000
 """Inlier rows rendered at once: meanwhile no other thread of the process runs."""
 
 
-def render_result(found: Registration) -> bytes:
-    """Render the `result` of a job as JSON."""
+def render_result(found: Registration, file_warnings: Sequence[str] = ()) -> bytes:
+    """Render the `result` of a job as JSON, with what reading the files said."""
     # imported here: the service process, which renders the inliers, does not load SciPy (30 MB)
     from scipy.spatial.transform import Rotation as SciPyRotation
 
@@ -48,6 +48,10 @@ def render_result(found: Registration) -> bytes:
             converged=found.converged,
             iterations=found.iterations,
             inliers=_summarize_inliers(found),
+            warnings=[
+                *(ResultWarning(code="file", message=text) for text in file_warnings),
+                *(ResultWarning(code=each.code, message=str(each)) for each in found.warnings),
+            ],
         )
         .model_dump_json()
         .encode()

@@ -65,8 +65,9 @@ class RegisterClouds(Task):
             target = self._decode("target", self.target)
         registration = self._register(source, target, report)
         with report.stage("store"):
-            _write(registration, self.environment.scratch)
-        warnings = [*source.warnings, *target.warnings, *registration.warnings]
+            read = [clip(text) for text in (*source.warnings, *target.warnings)]
+            _write(registration, read[:MAX_WARNINGS], self.environment.scratch)
+        warnings = [*read, *map(str, registration.warnings)]
         return Succeeded(
             confidence=registration.confidence,
             warnings=[clip(text) for text in warnings[:MAX_WARNINGS]],
@@ -119,9 +120,9 @@ class RegisterClouds(Task):
         return registration
 
 
-def _write(registration: Registration, scratch: Path) -> None:
-    """Write the result document and the inlier pairs."""
+def _write(registration: Registration, file_warnings: list[str], scratch: Path) -> None:
+    """Write the result document, with what reading the files said, and the inlier pairs."""
     from service.schemas.serialize_result import inlier_array, render_result
 
-    (scratch / RESULT_NAME).write_bytes(render_result(registration))
+    (scratch / RESULT_NAME).write_bytes(render_result(registration, file_warnings))
     np.save(scratch / INLIERS_NAME, inlier_array(registration.inliers), allow_pickle=False)

@@ -90,6 +90,7 @@ def result_files() -> dict[str, bytes]:
     result = Result(
         scale=1.0,
         scale_deviation=0.0,
+        warnings=[],
         transform=np.eye(4).tolist(),
         rotation=Rotation(quaternion_xyzw=[0.0, 0.0, 0.0, 1.0], angle_deg=0.0),
         translation=[0.0, 0.0, 0.0],
