@@ -27,7 +27,7 @@ setup: .venv/.installed .venv/.kernels  ## make .venv and install everything fro
 # numba's cache does not see that a kernel of another file, compiled into this one, has changed
 .venv/.kernels: .venv/.installed $(wildcard mpe_core/kernels/*.py)
 	@rm -f mpe_core/kernels/__pycache__/*.nb[ic]
-	$(PY) -c 'from mpe_core import register'  # compiles the kernels into the cache
+	$(PY) -c 'from mpe_core import register; from mpe_core.kernels import decimal_rows'  # compiles the kernels into the cache
 	@touch $@
 
 run: setup  ## serve on HOST:PORT (127.0.0.1:8000)

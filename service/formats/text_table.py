@@ -19,9 +19,12 @@ from service.formats.errors import (
     MalformedFileError,
     TruncatedFileError,
 )
+from service.formats.memory_map import map_file
 from service.formats.numerals import is_missing, is_number
 
 _BLOCK_BYTES = 1 << 20
+MIN_KERNEL_BYTES = 4 << 20
+"""Bytes of text from which on the kernel is worth loading; it is ten times as fast."""
 _COMMENT = re.compile(r"(?<!\.)#")
 """Beginning of a comment, but not the sign in 1.#QNAN, as Windows writes NaN."""
 
@@ -95,7 +98,9 @@ def read_columns(
     max_rows = min(count, limits.max_points + 1 if rows is None else rows)
     cleaner = cleaner or TableCleaner(dialect, columns, accepts_commas=False)
     try:
-        table = _parse(path, offset, columns, max_rows, dialect, None)
+        table = _parse_quickly(path, offset, columns, max_rows, dialect)
+        if table is None:
+            table = _parse(path, offset, columns, max_rows, dialect, None)
     except ValueError:
         try:
             table = _parse(path, offset, columns, max_rows, dialect, cleaner)
@@ -110,6 +115,26 @@ def read_columns(
     if rows is not None and len(table) < rows:
         raise TruncatedFileError(f"the file ends after {len(table)} of {rows} announced rows")
     return table
+
+
+def _parse_quickly(
+    path: Path, offset: int, columns: Sequence[int], max_rows: int, dialect: Dialect
+) -> NDArray[np.float64] | None:
+    """Parse a large table of plain numbers by a kernel; None where that is not clear to it."""
+    is_small = path.stat().st_size - offset < MIN_KERNEL_BYTES
+    if is_small or dialect.keyword or dialect.decimal_comma or len({*columns}) < len(columns):
+        return None
+    try:
+        from mpe_core.kernels.decimal_rows import BLANKS, parse_rows
+    except ModuleNotFoundError:
+        return None
+    text = np.frombuffer(map_file(path), np.uint8)[offset:]
+    delimiter = BLANKS if dialect.delimiter is None else ord(dialect.delimiter)
+    targets = np.full(max(columns) + 1, -1)
+    targets[list(columns)] = np.arange(len(columns))
+    table = np.empty((max_rows, len(columns)))
+    rows = parse_rows(text, delimiter, targets, len(columns), table)
+    return table[:rows] if rows >= 0 else None
 
 
 def _parse(

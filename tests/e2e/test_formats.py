@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from service.formats import FORMATS
+from service.formats.text_table import MIN_KERNEL_BYTES
 from tests.factories.cloud_files import seeds
 from tests.factories.scanner_files import DOUBLES, e57, kitti, obj, scanner_seeds
 from tests.factories.server import Server
@@ -56,6 +57,15 @@ def test_scans_and_samples_are_chosen(server: Server) -> None:
         assert answer.status_code == 200, answer.text
         result = answer.json()["result"]
         assert max((pair[0] for pair in result["inliers"]["pairs"]), default=0) < most
+
+
+def test_large_text_is_read_by_the_kernel(server: Server) -> None:
+    rows = np.tile(DOUBLES, (6000, 1)) + np.random.default_rng(0).normal(0, 0.5, (240_000, 3))
+    content = "".join(f"{x:.3f} {y:.3f} {z:.3f}\n" for x, y, z in rows.tolist()).encode()
+    assert len(content) > MIN_KERNEL_BYTES
+    answer = server.submit(content, content, wait=60)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["result"]["overlap"] > 0.9
 
 
 @pytest.mark.parametrize(

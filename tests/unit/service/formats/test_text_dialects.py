@@ -10,9 +10,10 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
-from service.formats import CloudFileError, read_points
+from service.formats import CloudFileError, read_points, text_table
 from tests.factories.text_dialects import TextDialect
 
 COUNT = int(os.environ.get("MPE_DIALECTS", "400"))
@@ -48,3 +49,16 @@ def test_a_dialect_is_read_rightly_or_refused(tmp_path: Path) -> None:
         is_right = not dialect.is_clear if isinstance(found, str) else same(found, points)
         assert is_right, (number, dialect, content[:300], found)
     assert refused < COUNT / 4
+
+
+def test_the_kernel_reads_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is read by the kernel is read to the same bits without it, or left to the others."""
+    random = Random(11)
+    for number in range(COUNT // 4):
+        dialect = TextDialect.draw(random)
+        (tmp_path / "a").write_bytes(dialect.write(cloud_of(dialect)))
+        found = []
+        for least in (0, 1 << 60):
+            monkeypatch.setattr(text_table, "MIN_KERNEL_BYTES", least)
+            found.append(read_or_reason(tmp_path / "a"))
+        np.testing.assert_array_equal(found[0], found[1], err_msg=f"{number} {dialect}")
