@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from typing import Any
 
+from anyio import BrokenResourceError
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -132,8 +133,16 @@ def _render_http_exception(request: Request, error: Exception) -> ProblemRespons
     return _respond(kind, status.description or status.phrase, headers)
 
 
+def _is_disconnect(error: Exception) -> bool:
+    """Return whether the error is only that the caller has left a stream of events."""
+    if not isinstance(error, ExceptionGroup):
+        return False
+    return error.split(BrokenResourceError)[1] is None
+
+
 def _render_unexpected(request: Request, error: Exception) -> ProblemResponse:
-    log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+    if not _is_disconnect(error):
+        log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
     mark_logged(error)
     response = _respond(INTERNAL, "The service logged an unexpected error; retry the request.")
     # Starlette answers unexpected errors outside of the middleware

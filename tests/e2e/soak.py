@@ -11,6 +11,7 @@ import argparse
 import os
 import random
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -41,7 +42,7 @@ SETTINGS = {
     "require_keys": True,
     "min_free_disk_bytes": 64 * 2**20,
     "maintenance_interval_s": 1,
-    "key_queue_limit": 30,
+    "key_queue_limit": 8,
     "head_timeout_s": 2,
     "body_stall_timeout_s": 4,
 }
@@ -66,24 +67,28 @@ class Soak:
     answers: Counter[str] = field(default_factory=Counter)
     events: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
-    livez_s: list[float] = field(default_factory=list)
+    disturbed: list[tuple[float, float]] = field(default_factory=list)
+    """When each kill, suspension or full disk began and ended, by `time.time`."""
     use: list[tuple[int, float, int]] = field(default_factory=list)
     """Id of the service's process, its memory in MiB, its descriptors; over time."""
-    is_disturbed: threading.Event = field(default_factory=threading.Event)
     is_over: threading.Event = field(default_factory=threading.Event)
 
     def run(self) -> dict[str, Any]:
         self.keys = {tenant: new_key(self.server, tenant, queue_limit=None) for tenant in TENANTS}
         threads = [threading.Thread(target=self._behave, args=(i,)) for i in range(self.clients)]
         threads += [threading.Thread(target=call) for call in (self._disturb, self._probe)]
-        for thread in threads:
-            thread.start()
-        time.sleep(self.seconds)
-        self.is_over.set()
-        for thread in threads:
-            thread.join()
+        with livez_times(self.server.port) as livez:
+            for thread in threads:
+                thread.start()
+            time.sleep(self.seconds)
+            self.is_over.set()
+            for thread in threads:
+                thread.join()
         self._check_ends()
-        return self._figures()
+        return self._figures([took for at, took in livez if not self._was_disturbed(at, took)])
+
+    def _was_disturbed(self, at: float, took: float) -> bool:
+        return any(begin <= at + took and at <= end for begin, end in self.disturbed)
 
     def _behave(self, number: int) -> None:
         rng = random.Random(self.seed * 1000 + number)
@@ -108,7 +113,7 @@ class Soak:
             self._submit(client, tenant, rng)
         elif choice < 0.3 and strange:
             self._look_at_strange(client, rng.choice(strange))
-        elif choice < 0.35:
+        elif choice < 0.31:
             self._delete(client, rng.choice(mine))
         elif choice < 0.45:
             name, cloud = f"cloud-{rng.randrange(5)}", as_npy(arms(rng.randrange(4)))
@@ -117,18 +122,27 @@ class Soak:
             self._check_list(client.get("/v1/registrations?limit=20"), tenant)
         else:
             part = rng.choice(["", "/inliers", "/aligned", "/events", "/deliveries"])
-            self._note(client.get(f"/v1/registrations/{rng.choice(mine)}{part}"))
+            self._look_at_own(client, f"/v1/registrations/{rng.choice(mine)}{part}")
+
+    def _look_at_own(self, client: httpx.Client, path: str) -> None:
+        with client.stream("GET", path) as response:
+            if response.headers.get("content-type", "").startswith("text/event-stream"):
+                next(response.iter_lines(), None)  # it goes on until the job ends
+            else:
+                response.read()
+                self._note(response)
 
     def _submit(self, client: httpx.Client, tenant: str, rng: random.Random) -> None:
-        source, target = (as_npy(arms(rng.randrange(50))) for _ in range(2))
-        response = submit(client, source, target, wait=rng.choice((0, 1)))
+        cloud, seed = as_npy(arms(rng.randrange(20))), rng.randrange(10**6)
+        wait, options = rng.choice((0, 1)), f'{{"seed": {seed}}}'
+        response = submit(client, cloud, cloud, wait=wait, options=options)
         self._note(response)
         if response.is_success:
             self.accepted[response.json()["id"]] = tenant
 
     def _delete(self, client: httpx.Client, job: str) -> None:
-        if client.delete(f"/v1/registrations/{job}").status_code in (204, 404):
-            self.accepted.pop(job, None)
+        self.accepted.pop(job, None)  # the answer may be lost
+        self._note(client.delete(f"/v1/registrations/{job}"))
 
     def _look_at_strange(self, client: httpx.Client, job: str) -> None:
         response = client.get(f"/v1/registrations/{job}")
@@ -154,10 +168,10 @@ class Soak:
         while not self.is_over.wait(rng.uniform(*EVENT_INTERVAL_S)):
             kinds = kinds or ["server", "worker", "forkserver", "suspension", "disk"]
             kind = kinds.pop(rng.randrange(len(kinds)))
-            self.is_disturbed.set()
+            begin = time.time()
             if self._make_happen(kind, rng):
                 self.events[kind] += 1
-            self.is_disturbed.clear()
+            self.disturbed.append((begin, time.time()))
 
     def _make_happen(self, kind: str, rng: random.Random) -> bool:
         if kind == "server":
@@ -186,19 +200,12 @@ class Soak:
         return True
 
     def _probe(self) -> None:
-        """Measure /livez while nothing is killed, and what the service uses."""
-        with httpx.Client(base_url=self.server.url, timeout=10, trust_env=False) as client:
-            while not self.is_over.wait(0.1):
-                started, was_disturbed = time.perf_counter(), self.is_disturbed.is_set()
-                try:
-                    client.get("/livez").raise_for_status()
-                    process = psutil.Process(self.server.pid)
-                    used = process.memory_info().rss / 2**20, process.num_fds()
-                except (httpx.HTTPError, psutil.Error):
-                    continue
-                if not (was_disturbed or self.is_disturbed.is_set()):
-                    self.livez_s.append(time.perf_counter() - started)
-                    self.use.append((process.pid, *used))
+        """Look at what the service uses."""
+        while not self.is_over.wait(0.5):
+            with suppress(psutil.Error):
+                process = psutil.Process(self.server.pid)
+                used = process.memory_info().rss / 2**20
+                self.use.append((process.pid, used, process.num_fds()))
 
     def _check_ends(self) -> None:
         for job, tenant in self.accepted.items():
@@ -210,12 +217,13 @@ class Soak:
                 if end["status"] == "failed" and end["error"]["status"] < 500:
                     self.faults.append(f"a job failed: {end['error']}")
 
-    def _figures(self) -> dict[str, Any]:
-        longest, _ = Counter(pid for pid, _, _ in self.use).most_common(1)[0]
+    def _figures(self, livez_s: list[float]) -> dict[str, Any]:
+        by_process = Counter(pid for pid, _, _ in self.use)
+        longest = max(by_process, key=by_process.__getitem__, default=None)
         memory = [used for pid, used, _ in self.use if pid == longest]
         descriptors = [count for pid, _, count in self.use if pid == longest]
         half = len(memory) // 2
-        p50, p99 = (round(1000 * float(s), 1) for s in np.percentile(self.livez_s, (50, 99)))
+        p50, p99 = (round(1000 * float(s), 1) for s in np.percentile(livez_s or [np.nan], (50, 99)))
         return {
             "jobs accepted and kept": len(self.accepted),
             "faults": self.faults[:20],
@@ -229,7 +237,35 @@ class Soak:
 
 
 def _medians(values: list[Any], half: int) -> tuple[float, float]:
-    return float(np.median(values[:half] or values)), float(np.median(values[half:]))
+    """Medians of both halves; NaN where there are no values."""
+    first, second = values[:half] or [np.nan], values[half:] or [np.nan]
+    return float(np.median(first)), float(np.median(second))
+
+
+@contextmanager
+def livez_times(port: int) -> Iterator[list[tuple[float, float]]]:
+    """Beginning and seconds of calls of /livez, filled in when the context ends."""
+    command = [sys.executable, "-m", "tests.e2e.livez_probe", str(port)]
+    probe = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    times: list[tuple[float, float]] = []
+    reader = threading.Thread(target=_read_times, args=(probe, times))
+    reader.start()
+    try:
+        yield times
+    finally:
+        assert probe.stdin is not None
+        assert probe.stdout is not None
+        probe.stdin.close()
+        reader.join()
+        probe.stdout.close()
+        probe.wait()
+
+
+def _read_times(probe: subprocess.Popen[str], times: list[tuple[float, float]]) -> None:
+    assert probe.stdout is not None
+    for line in probe.stdout:
+        began_at, took_s = map(float, line.split())
+        times.append((began_at, took_s))
 
 
 @contextmanager

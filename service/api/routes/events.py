@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import CurrentRuntime, RequestedJob
 from service.jobs.model import JobRow, is_terminal
+from service.problems import NotReadyError
 from service.schemas import Event
 from service.schemas.base import MAX_EXACT_INTEGER
 
@@ -38,7 +39,11 @@ async def stream_events(
     The stream ends when the registration has ended. The data of each event is an `Event`.
     """
     last = last_event_id
-    with runtime.notifier.watch(job.id, only_end=False) as changed:
+    # where the store does not answer the stream ends: the client reconnects with Last-Event-ID
+    with (
+        contextlib.suppress(NotReadyError),
+        runtime.notifier.watch(job.id, only_end=False) as changed,
+    ):
         while True:
             changed.clear()
             events = await run_in_threadpool(runtime.jobs.events, job.tenant, job.id, after=last)
@@ -49,7 +54,7 @@ async def stream_events(
                 if is_terminal(event.status):
                     return
             if not events and await run_in_threadpool(_is_over, runtime, job):
-                return  # deleted, or the service stops: the client reconnects with Last-Event-ID
+                return  # deleted, or the service stops
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(changed.wait(), runtime.database.poll_interval_s)
 

@@ -9,6 +9,7 @@ from unittest import mock
 
 import httpx
 import pytest
+from anyio import BrokenResourceError
 
 from service.jobs.queries import JobQueries
 from tests.factories.api import api_client
@@ -82,3 +83,23 @@ def test_a_full_disk_is_told_as_such(
             assert "secret" not in response.text
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("errors", "is_logged"),
+    [
+        ([BrokenResourceError()], False),
+        ([BrokenResourceError(), RuntimeError("odd")], True),
+    ],
+)
+def test_a_caller_who_leaves_a_stream_is_no_error(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, errors: list[Exception], is_logged: bool
+) -> None:
+    async def run() -> None:
+        async with api_client(tmp_path) as (client, _):
+            group = ExceptionGroup("in a task group", errors)
+            with mock.patch.object(JobQueries, "get", side_effect=group):
+                await client.get("/v1/registrations/x")
+
+    asyncio.run(run())
+    assert ("unexpected error" in caplog.text) == is_logged
