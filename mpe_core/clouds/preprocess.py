@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.clouds.lattice import find_boundary
 from mpe_core.clouds.normalize import CloudPair
 from mpe_core.clouds.surface import VOXEL_SIZE, Surface, fit_surface, orient_normals
 from mpe_core.errors import InvalidOptionsError
@@ -153,6 +154,9 @@ def prepare_cloud(
     viewpoint
         (3,) position of the scanner, to which the normals are turned.
     """
+    boundary = find_boundary(points)
+    if boundary is not None:
+        points, weights = points[boundary], None if weights is None else weights[boundary]
     single = points.astype(np.float32)
     if weights is None:
         fine, fine_weights = voxel_downsample(single, FINE_VOXEL_RATIO * voxel_size), None
