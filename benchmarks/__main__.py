@@ -6,6 +6,7 @@ from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
+from benchmarks.kinds import KINDS_EXPERIMENT
 from benchmarks.pairs import PAIRS
 from benchmarks.parts import PARTS
 from benchmarks.scaling import SCALING
@@ -21,6 +22,7 @@ if __name__ == "__main__":
             HELD_OUT,
             PARTS,
             SCENES_EXPERIMENT,
+            KINDS_EXPERIMENT,
             CLOSURE,
             CONFIDENCE,
             CALIBRATION,
