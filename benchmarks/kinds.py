@@ -128,9 +128,7 @@ def _count(make: Callable[[np.random.Generator], Made]) -> Result:
         if counted is None:
             tally["wrong accepted" if found.accepted else "refused"] += 1
             continue
-        tally[
-            _judge(found.T_target_source, found.scale, source, there, counted, found.accepted)
-        ] += 1
+        tally[_judge(found, source[counted], there[counted])] += 1
     return tally
 
 
