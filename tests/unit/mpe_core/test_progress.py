@@ -45,7 +45,7 @@ def reports(trial, options, leave_at=None):
 )
 def test_a_caller_may_leave_at_every_report(trial, options, least):
     whole = reports(trial, options)
-    assert [stage for stage, _ in whole].count("prepare") == 3
+    assert [stage for stage, _ in whole].count("prepare") == 4
     within_search = [k for k, (stage, _) in enumerate(whole) if stage == "search"][1:]
     assert len(within_search) >= least
     some = within_search[:: max(1, len(within_search) // 3)]
