@@ -271,9 +271,11 @@ def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
 
 
 def _fits_as_well(other: Evidence, best: Evidence) -> bool:
-    return (
-        best.accepted
-        and other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
+    """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
+    if not best.accepted:
+        return False
+    return other.accepted or (
+        other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
         and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_MARGIN_ON_SURFACE
     )
 

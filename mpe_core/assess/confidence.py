@@ -57,13 +57,17 @@ class Evidence:
     @property
     def confidence(self) -> float:
         """Probability that the pose is right, in [0, 1]."""
-        excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
-        chance_fits = excess ** (2 + self.degenerate_dof)
-        return float(1 / (1 + chance_fits * np.exp(-self._logit)))
+        return float(1 / (1 + np.exp(-self.log_odds)))
 
     @property
-    def _logit(self) -> float:
-        """Log odds of a right pose between clouds of like size."""
+    def log_odds(self) -> float:
+        """Logarithm of the odds that the pose is right."""
+        excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
+        return self._log_odds_of_like_size - (2 + self.degenerate_dof) * float(np.log(excess))
+
+    @property
+    def _log_odds_of_like_size(self) -> float:
+        """Log odds between clouds of like size."""
         if self.free_space_violation is None:
             coverage = min(1.0, self.coverage / self.overlap)
             logit = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * coverage
@@ -92,5 +96,5 @@ class Evidence:
         The agreement alone does not see that another pose lays more points on the target.
         """
         if self.free_space_violation is not None or self.layer_support is not None:
-            return self.accepted, self._logit
+            return self.accepted, self.log_odds
         return self.accepted, self.on_surface_fraction * self.surface_agreement
