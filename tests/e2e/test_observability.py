@@ -42,7 +42,7 @@ def test_metrics_follow_what_happens(server: Server) -> None:
         (1, "mpe_attempts_total", {"status": "failed", "error": "too-few-points"}),
         (1, "mpe_problems_total", {"type": "invalid-request"}),
         (1, "mpe_confidence_count", {}),
-        (1, "mpe_stage_seconds_count", {"stage": "search"}),
+        (1, "mpe_stage_seconds_count", {"stage": "refine"}),
         (2, "mpe_stage_seconds_count", {"stage": "decode"}),
         (0, "mpe_queue_age_seconds", {}),
         (1, "mpe_http_request_seconds_count", posts | {"status": "200"}),
