@@ -20,8 +20,12 @@ KNOWLEDGE = (
     "target_viewpoint",
     "yaw_only",
     "voxel_size",
+    "max_rotation_deg",
+    "max_translation",
+    "scale",
 )
-"""Options that have to fit one another and the method, which the description only says in words."""
+"""Options that have to fit one another and the method, or whose numbers have an order, which the
+description only says in words."""
 
 schemathesis.openapi.format("binary", CLOUDS)
 schemathesis.openapi.media_type("application/octet-stream", CLOUDS)
