@@ -51,6 +51,10 @@ AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
 """Surface agreement and on-surface fraction by which a pose may fall short of the best one and
 still fit as well. On real pairs, the next best pose falls short by more (docs/tuning.md)."""
 
+AMBIGUITY_LOG_ODDS = 1.5
+"""Log odds by which a pose that would be accepted by itself may fall short of the best one: of two
+such poses at least one is wrong (docs/tuning.md)."""
+
 
 @dataclass(frozen=True, slots=True)
 class ScoredPose:
@@ -274,7 +278,9 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
     if not best.accepted:
         return False
-    return other.accepted or (
+    if other.accepted and other.log_odds > best.log_odds - AMBIGUITY_LOG_ODDS:
+        return True
+    return (
         other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
         and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_MARGIN_ON_SURFACE
     )

@@ -95,6 +95,7 @@ class Evidence:
 
         The agreement alone does not see that another pose lays more points on the target.
         """
-        if self.free_space_violation is not None or self.layer_support is not None:
+        if self.free_space_violation is not None:
             return self.accepted, self.log_odds
-        return self.accepted, self.on_surface_fraction * self.surface_agreement
+        support = self.on_surface_fraction * self.surface_agreement
+        return self.accepted, support * float(np.exp(-self._lack_of_support))
