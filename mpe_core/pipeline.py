@@ -220,7 +220,9 @@ class PosePipeline:
         """Compare the poses as seen from above with the best of them."""
         if self._layers is None:
             return poses
-        supports = self._layers.relative_scores([pose.minimum.T for pose in poses])
+        supports = self._layers.relative_scores(
+            [pose.minimum.T for pose in poses], [pose.evidence.is_plausible for pose in poses]
+        )
         return [
             replace(pose, evidence=replace(pose.evidence, layer_support=support))
             for pose, support in zip(poses, supports, strict=True)

@@ -24,6 +24,10 @@ CONVINCING_LAYER_SUPPORT, LAYER_WEIGHT = 0.8, 5.0
 """Support by the layers from which on a pose counts as the best one, and how much the log odds fall
 with what lacks to it (docs/tuning.md)."""
 
+MIN_PLAUSIBLE_AGREEMENT, MIN_PLAUSIBLE_COVERAGE = 0.5, 0.05
+"""Agreement and coverage from which on the layers of a pose are a measure for others; right poses
+of levelled scenes have 0.66 and 0.1 at least (docs/tuning.md)."""
+
 MAX_CALIBRATED_SIZE_RATIO = 2.0
 """Ratio of the clouds' radii up to which the model holds. Beyond it the odds fall with the number
 of places where the smaller cloud fits by chance, ratio ** (2 + degenerate dof) (docs/tuning.md)."""
@@ -83,6 +87,14 @@ class Evidence:
         if self.layer_support is None:
             return 0.0
         return LAYER_WEIGHT * max(0.0, CONVINCING_LAYER_SUPPORT - self.layer_support)
+
+    @property
+    def is_plausible(self) -> bool:
+        """Whether enough of the cloud lies on the surface to measure other poses by this one."""
+        return (
+            self.surface_agreement >= MIN_PLAUSIBLE_AGREEMENT
+            and self.coverage >= MIN_PLAUSIBLE_COVERAGE
+        )
 
     @property
     def accepted(self) -> bool:

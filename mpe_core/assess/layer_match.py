@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 MAX_GROUND_TILT_DEG, MAX_GROUND_OFFSET = 12.0, 0.1
 """Tilt and offset up to which the grounds of both clouds count as one."""
 
-MIN_BEST_SCORE = 20.0
-"""Cells that the best pose has to match for the others to be measured by it."""
+MIN_BEST_SHARE = 0.1
+"""Share of the occupied cells of the emptier cloud that the best score has to reach: below it, what
+is seen from above tells nothing (docs/tuning.md)."""
 
 
 class LayerMatch:
@@ -30,16 +31,26 @@ class LayerMatch:
         self._shift = CELL_SIZE - xy.min(axis=0)
         self._cells = int(np.ceil(np.ptp(xy, axis=0).max() / CELL_SIZE)) + 3
         self._fixed = pair.target.draw(np.eye(2), self._shift, self._cells)
+        clouds = pair.target, pair.source[0]
+        self._occupied = min(cloud.count_occupied() for cloud in clouds)
 
-    def relative_scores(self, poses: list[Array]) -> list[float | None]:
-        """Scores of poses T_target_source (4, 4) over those of the best one, from -1 to 1.
+    def relative_scores(self, poses: list[Array], is_plausible: list[bool]) -> list[float | None]:
+        """Scores of poses T_target_source (4, 4) over those of the best plausible one.
 
-        The mean over the weights of a conflict. None where the grounds of the clouds do not lie on
-        each other at the pose.
+        The mean over the weights of a conflict, from -1 to 1. None where the grounds of the clouds do not lie on
+        each other at the pose, or no plausible pose matches.
         """
         scores = [self.scores(T) for T in poses]
-        known = [score for score in scores if score is not None]
-        best = np.max([np.full(len(CONFLICT_WEIGHTS), MIN_BEST_SCORE), *known], axis=0)
+        known = [
+            score
+            for score, plausible in zip(scores, is_plausible, strict=True)
+            if plausible and score is not None
+        ]
+        if not known:
+            return [None] * len(poses)
+        best = np.max(known, axis=0)
+        if best.min() < MIN_BEST_SHARE * self._occupied:
+            return [None] * len(poses)
         return [
             None if score is None else float(np.clip(score / best, -1, 1).mean())
             for score in scores

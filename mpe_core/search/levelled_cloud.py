@@ -106,6 +106,12 @@ class LevelledCloud:
         """Largest distance of a point from the centre."""
         return float(np.sqrt(np.square(self.xy - self.centre).sum(axis=1).max()))
 
+    def count_occupied(self) -> int:
+        """Count the cells of all layers that hold points."""
+        standing = (self.layer >= 0) & (self.layer < LAYERS)
+        cells = np.floor(self.xy[standing] / CELL_SIZE).astype(np.int64)
+        return len(np.unique(np.column_stack([cells, self.layer[standing]]), axis=0))
+
     def draw(self, A: Array, b: Array, cells: int, cell_size: float = CELL_SIZE) -> OccupancyGrids:
         """Draw the cloud moved by x -> A x + b into grids whose corner is the origin.
 

@@ -35,7 +35,7 @@ def test_accepted_then_finished(server: Server) -> None:
         datetime.fromisoformat(job[f"{event}_at"]) for event in ("created", "started", "finished")
     ]
     assert times == sorted(times)
-    stages = [job["timing"][f"{name}_s"] for name in ("queued", "decode", "search", "refine")]
+    stages = [job["timing"][f"{name}_s"] for name in ("queued", "decode", "prepare", "refine")]
     assert all(seconds >= 0 for seconds in stages)
     assert sum(stages) <= job["timing"]["total_s"]
 

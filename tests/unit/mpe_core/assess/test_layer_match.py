@@ -28,8 +28,9 @@ def test_a_slide_along_the_street_has_less_support_than_the_truth(knows: bool) -
     slid[0, 3] += 9.0
     tilted[:3, :3] = tilted[:3, :3] @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     poses = [pair.from_caller(T) for T in (truth, slid, tilted)]
-    right, wrong, unknown = LayerMatch(levelled).relative_scores(poses)
+    right, wrong, unknown = LayerMatch(levelled).relative_scores(poses, [True, True, True])
     assert right == 1
     assert wrong is not None
     assert wrong < 0.5
     assert unknown is None
+    assert LayerMatch(levelled).relative_scores(poses, [False] * 3) == [None] * 3
