@@ -52,7 +52,7 @@ class Evidence:
     """Share of the visible points of one scan that stand in what the other one saw through; None
     where the scanners' positions are not known."""
     layer_support: float | None = None
-    """Score of the pose as seen from above over that of the best pose that was found, from -1 to 1;
+    """Score of the pose as seen from above over that of the best pose that was found, from 0 to 1;
     None where the clouds show no ground, or not the same at the pose."""
     degenerate_dof: int = 0
     """Number of directions in which the surfaces slide on themselves; counted only beyond

@@ -37,8 +37,9 @@ class LayerMatch:
     def relative_scores(self, poses: list[Array], is_plausible: list[bool]) -> list[float | None]:
         """Scores of poses T_target_source (4, 4) over those of the best plausible one.
 
-        The mean over the weights of a conflict, from -1 to 1. None where the grounds of the clouds do not lie on
-        each other at the pose, or no plausible pose matches.
+        The mean over the weights of a conflict, from 0 to 1: noise on the ground looks like
+        conflicts, and must not outweigh all else. None where the grounds of the clouds do not lie
+        on each other at the pose, or no plausible pose matches.
         """
         scores = [self.scores(T) for T in poses]
         known = [
@@ -49,10 +50,10 @@ class LayerMatch:
         if not known:
             return [None] * len(poses)
         best = np.max(known, axis=0)
-        if best.min() < MIN_BEST_SHARE * self._occupied:
+        if best.min() < max(1.0, MIN_BEST_SHARE * self._occupied):
             return [None] * len(poses)
         return [
-            None if score is None else float(np.clip(score / best, -1, 1).mean())
+            None if score is None else max(0.0, float(np.clip(score / best, -1, 1).mean()))
             for score in scores
         ]
 

@@ -92,7 +92,7 @@ def test_patches_of_ground_seldom_pass_where_they_do_not_belong(street, monkeypa
     """Of eight six are found elsewhere, 4 to 15 m off; one of these is accepted."""
     assert accepted(street, right=False) <= 2
     monkeypatch.setattr("mpe_core.refine.covariance.count_degenerate", lambda information: 0)
-    assert accepted(street, right=False) >= 4, "the free directions make the difference"
+    assert accepted(street, right=False) >= 3, "the free directions make the difference"
 
 
 def test_who_says_where_to_look_has_patches_of_ground_accepted(street):
@@ -105,7 +105,7 @@ def test_what_contradicts_a_pose_lowers_its_confidence_and_its_rank():
     best = replace(plain, layer_support=0.9)
     assert best.accepted
     assert best.confidence == plain.confidence
-    surpassed = replace(plain, layer_support=-0.5)
+    surpassed = replace(plain, layer_support=0.0)
     assert not surpassed.accepted
     assert surpassed.sort_key < best.sort_key
     seen = replace(plain, free_space_violation=0.02)
