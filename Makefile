@@ -38,7 +38,7 @@ demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TA
 
 test: setup  ## all tests, with the coverage of both packages
 	@tools/install_system_packages $(TEST_PACKAGES)
-	$(PY) -m pytest --cov --numprocesses 3 --dist loadfile
+	$(PY) -m pytest --cov --numprocesses auto --dist loadfile
 
 chaos: setup  ## 300 jobs while the server is killed, suspended and its clock set, 25 times
 	$(PY) -m tests.e2e.chaos

@@ -98,16 +98,6 @@ def test_as_many_jobs_run_as_there_are_workers(database: Database, pool: WorkerP
     assert pool.is_ready
 
 
-def test_urls_hold_no_worker(database: Database, pool: WorkerPool) -> None:
-    transitions = open_transitions(database)
-    for _ in range(9):
-        add(transitions, source=AWAY)
-    pool.start()
-    until(lambda: statuses(database)[1] == 4)
-    mine = add(transitions)
-    until(lambda: (mine.id, "register") in pool._running)
-
-
 def test_a_tenant_gets_no_more_fetchers_than_it_leaves_free(
     database: Database, pool: WorkerPool
 ) -> None:
