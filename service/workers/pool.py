@@ -33,7 +33,7 @@ class WorkerPool:
     """Runs as many jobs at once as there are workers; the store decides which is next.
 
     Clouds are fetched by threads of their own, so that a slow host holds no worker. A tenant gets
-    no more of them than it leaves free, so that another tenant's URLs are fetched too.
+    no more of them than it leaves free. So one is always free for a tenant that has none yet.
     """
 
     def __init__(self, transitions: JobTransitions, blobs: BlobStore, settings: Settings) -> None:
@@ -42,6 +42,7 @@ class WorkerPool:
         self._settings = settings
         self._running: dict[_Claim, tuple[JobRow, Child]] = {}
         self._held: set[_Claim] = set()
+        self._claiming = threading.Lock()
         self._wake = {queue: threading.Semaphore(0) for queue in get_args(JobQueue)}
         self._stopping = threading.Event()
         self._stopped = threading.Event()
@@ -145,7 +146,7 @@ class WorkerPool:
         if not self._prepare(supervisor):
             return
         self._warm.set()
-        if not self._work(supervisor, "register", NO_LIMIT):
+        if not self._work(supervisor, "register"):
             self._wait_for_jobs("register")
 
     def _fetch(self, supervisor: AttemptSupervisor) -> None:
@@ -153,7 +154,7 @@ class WorkerPool:
         if not self._transitions.is_claimable("fetch", self._free_fetchers()):
             self._wait_for_jobs("fetch")
         elif self._prepare(supervisor):
-            self._work(supervisor, "fetch", self._free_fetchers())
+            self._work(supervisor, "fetch")
 
     def _free_fetchers(self) -> int:
         busy = sum(queue == "fetch" for _, queue in list(self._held))
@@ -177,13 +178,12 @@ class WorkerPool:
             self._failures.pop(name, None)
         return is_ready
 
-    def _work(self, supervisor: AttemptSupervisor, queue: JobQueue, tenant_limit: int) -> bool:
+    def _work(self, supervisor: AttemptSupervisor, queue: JobQueue) -> bool:
         """Run an attempt at the next job; return False when there is none."""
-        job = self._transitions.claim(queue, tenant_limit, lease_s=LEASE_S)
+        job = self._claim(queue)
         if job is None:
             return False
         claim = (job.id, queue)
-        self._held.add(claim)
         try:
             with job_context(job.id):
                 supervisor.run_attempt(job)
@@ -191,3 +191,12 @@ class WorkerPool:
             self._running.pop(claim, None)
             self._held.discard(claim)
         return True
+
+    def _claim(self, queue: JobQueue) -> JobRow | None:
+        """Claim the next job; one thread at a time, so that no two count the same fetcher free."""
+        with self._claiming:
+            tenant_limit = self._free_fetchers() if queue == "fetch" else NO_LIMIT
+            job = self._transitions.claim(queue, tenant_limit, lease_s=LEASE_S)
+            if job is not None:
+                self._held.add((job.id, queue))
+        return job

@@ -98,17 +98,50 @@ def test_as_many_jobs_run_as_there_are_workers(database: Database, pool: WorkerP
     assert pool.is_ready
 
 
+def test_urls_hold_no_worker(database: Database, pool: WorkerPool) -> None:
+    transitions = open_transitions(database)
+    for _ in range(9):
+        add(transitions, source=AWAY)
+    pool.start()
+    until(lambda: statuses(database)[1] == 4)
+    mine = add(transitions)
+    until(lambda: (mine.id, "register") in pool._running)
+
+
 def test_a_tenant_gets_no_more_fetchers_than_it_leaves_free(
     database: Database, pool: WorkerPool
 ) -> None:
+    """Of eight the first three get two, the fourth one; one is left for whoever comes next."""
     transitions, jobs = open_transitions(database), JobQueries(database)
     for tenant in "abcd":
         for _ in range(9):
             add(transitions, source=AWAY, tenant=tenant)
     pool.start()
-    until(lambda: statuses(database)[1] == 8)
-    assert all(jobs.count("running", tenant) >= 1 for tenant in "abcd")
-    assert max(jobs.count("running", tenant) for tenant in "abcd") <= 4
+    until(lambda: statuses(database)[1] == 7)
+    assert sorted(jobs.count("running", tenant) for tenant in "abcd") == [1, 2, 2, 2]
+    add(transitions, source=AWAY, tenant="late")
+    until(lambda: jobs.count("running", "late") == 1)
+    assert statuses(database)[1] == 8
+
+
+def test_threads_that_claim_at_once_give_a_tenant_no_more(
+    database: Database, pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each claim takes long enough for all the others to look."""
+    transitions = open_transitions(database)
+    for _ in range(9):
+        add(transitions, source=AWAY)
+    claim_next = pool._transitions.claim
+
+    def claim_slowly(*args: Any, **kwargs: Any) -> JobRow | None:
+        pool._stopping.wait(0.02)
+        return claim_next(*args, **kwargs)
+
+    monkeypatch.setattr(pool._transitions, "claim", claim_slowly)
+    pool.start()
+    until(lambda: statuses(database)[1] >= 4)
+    pool._stopping.wait(0.2)
+    assert statuses(database)[1] == 4
 
 
 def test_a_stop_gives_back_what_runs_and_loses_no_attempt(
