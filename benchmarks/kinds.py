@@ -56,6 +56,23 @@ def _other_markers(rng: np.random.Generator) -> Made:
     return rng.uniform(-1, 1, (count, 3)), rng.uniform(-1, 1, (count, 3)), None, PLAIN
 
 
+def _volume(rng: np.random.Generator) -> Array:
+    count = rng.integers(1001, 6000)
+    if rng.random() < 0.5:
+        return rng.normal(0, 0.4, (count, 3))
+    return rng.uniform(-1, 1, (count, 3)) * rng.uniform(0.4, 1, 3)
+
+
+def _volumes(rng: np.random.Generator) -> Made:
+    points = _volume(rng)
+    source = rng.permutation(points)[: 2 * len(points) // 3]
+    return source, points, np.arange(len(source)), PLAIN
+
+
+def _other_volumes(rng: np.random.Generator) -> Made:
+    return _volume(rng), _volume(rng), None, PLAIN
+
+
 def _outline(rng: np.random.Generator, count: int) -> Array:
     t = np.linspace(0, 2 * np.pi, count, endpoint=False)
     size, phase = rng.normal(0, 0.3, 6) / np.arange(1, 7), rng.uniform(0, 6, 6)
@@ -99,6 +116,8 @@ KINDS: dict[str, Callable[[np.random.Generator], Made]] = {
     "a point 1e9 away": _stray,
     "6 to 60 markers": _markers,
     "unlike markers": _other_markers,
+    "volumes of points": _volumes,
+    "unlike volumes": _other_volumes,
     "outlines": _outlines,
     "unlike outlines": _other_outlines,
     "97 % in a dense spot": _dense_spot,

@@ -15,6 +15,7 @@ from mpe_core.assess.layer_match import LayerMatch
 from mpe_core.assess.near_start import prefer_near_start
 from mpe_core.assess.score import PoseScorer
 from mpe_core.clouds.preprocess import PreparedCloud
+from mpe_core.geometry.cell_list import Points
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import FractionCallback, Progress
 from mpe_core.refine.full_sum import FullSum
@@ -146,6 +147,15 @@ class PosePipeline:
             poses = [pose for pose, is_near in zip(poses, in_range, strict=True) if is_near]
             poses = poses or [ScoredPose(Minimum(start, False, 0), self.scorer.score(start))]
         return prefer_near_start(poses, lambda pose: self._prior.distance(pose.minimum.T))
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether noise hides the planes of one of the clouds."""
+        return self._regime.is_noisy
+
+    def coarse_points(self) -> tuple[Points, Points]:
+        """Points (N, 3) of both surfaces."""
+        return self.source.surface.points, self.target.surface.points
 
     def allows(self, poses: Array) -> NDArray[np.bool_]:
         """(K,) whether the caller's knowledge allows the poses (K, 4, 4)."""

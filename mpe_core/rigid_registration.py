@@ -17,6 +17,7 @@ from mpe_core.assess.coincidence import (
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
 from mpe_core.assess.outline import keep_level, weigh_outline
+from mpe_core.assess.volume import doubt_fit_everywhere, find_exact_pose, may_fill_volume
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.flat import Plane, draw_outline, find_plane, lay_flat
 from mpe_core.clouds.normalize import CloudPair, normalize_pair
@@ -149,7 +150,7 @@ def _find_by_search(
     if planes is not None:
         coincidences = keep_level(coincidences or [], *planes)
     if coincidences is None:
-        return pipeline.run(progress, levels)
+        return _find_among_many(pipeline, (source, target), options, progress, levels)
     poses = np.array([T for T, _ in coincidences]).reshape(-1, 4, 4)
     certain = [
         ScoredPose(Minimum(T, converged=True, iterations=1), evidence)
@@ -165,6 +166,26 @@ def _find_by_search(
         return found
     alarms = min((evidence.log_false_alarms for _, evidence in coincidences), default=0.0)
     return [replace(found[0], evidence=doubt(found[0].evidence, max(alarms, 0.0)))]
+
+
+def _find_among_many(
+    pipeline: PosePipeline,
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel],
+) -> list[ScoredPose]:
+    """Poses of many points: of surfaces by the search; of volumes one by one, or else in doubt."""
+    if not (pipeline.has_noise and all(map(may_fill_volume, pipeline.coarse_points()))):
+        return pipeline.run(progress, levels)
+    exact = find_exact_pose(*points, options.seed)
+    if exact is not None and pipeline.allows(exact[0][None])[0]:
+        return [ScoredPose(Minimum(exact[0], converged=True, iterations=1), exact[1])]
+    found = pipeline.run(progress, levels)
+    best, T = found[0], found[0].minimum.T
+    # the normalized source is centred on its centre of mass
+    evidence = doubt_fit_everywhere(best.evidence, T, T[:3, 3], pipeline.scorer.score)
+    return found if evidence is best.evidence else [replace(best, evidence=evidence)]
 
 
 def _find_planes(
