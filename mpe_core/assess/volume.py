@@ -1,4 +1,4 @@
-"""Evidence of clouds that fill a volume: they fit nearly everywhere, and only exact points count."""
+"""Evidence of clouds that fill a volume: they fit nearly everywhere, only exact points count."""
 
 from __future__ import annotations
 
