@@ -40,16 +40,16 @@ def match_patterns(source: Array, target: Array, seed: int) -> tuple[Coincidence
     """
     rng = np.random.default_rng(seed)
     tree = cKDTree(target)
-    here, rows_here = cKDTree(source).query(source, NEIGHBOURS + 1)
-    there, rows_there = tree.query(target, NEIGHBOURS + 1)
+    here, rows_here = _nearest(cKDTree(source), source, NEIGHBOURS + 1)
+    there, rows_there = _nearest(tree, target, NEIGHBOURS + 1)
     spacing = float(np.median(there[:, 1]))
     tried = rng.permutation(len(source))[:TRIED_POINTS]
-    _, alike = cKDTree(there[:, 1:]).query(here[tried, 1:])
+    _, alike = _nearest(cKDTree(there[:, 1:]), here[tried, 1:])
     counted = source[rng.permutation(len(source))[:COUNTED_POINTS]]
     best, most = np.eye(4), -1
     for row, other in zip(tried, alike, strict=True):
         T = fit(source[rows_here[row]], target[rows_there[other]])
-        distances, _ = tree.query(_moved(T, counted))
+        distances, _ = _nearest(tree, _moved(T, counted))
         count = int((distances < 3 * TOLERANCE * spacing).sum())
         if count > most:
             best, most = T, count
@@ -58,13 +58,18 @@ def match_patterns(source: Array, target: Array, seed: int) -> tuple[Coincidence
 
 def _polish(T: Array, source: Array, target: Array, tree: cKDTree, tolerance: float) -> Coincidence:
     for _ in range(POLISH_ROUNDS):
-        distances, rows = tree.query(_moved(T, source))
-        near = np.asarray(distances) < 3 * tolerance
+        distances, rows = _nearest(tree, _moved(T, source))
+        near = distances < 3 * tolerance
         if near.sum() <= NEIGHBOURS:
             break
-        T = fit(source[near], target[np.asarray(rows)[near]])
-    distances, _ = tree.query(_moved(T, source))
-    return Coincidence(T, np.asarray(distances), int((distances < tolerance).sum()))
+        T = fit(source[near], target[rows[near]])
+    distances, _ = _nearest(tree, _moved(T, source))
+    return Coincidence(T, distances, int((distances < tolerance).sum()))
+
+
+def _nearest(tree: cKDTree, queries: Array, count: int = 1) -> tuple[Array, NDArray[np.int64]]:
+    distances, rows = tree.query(queries, count)
+    return np.asarray(distances), np.asarray(rows, np.int64)
 
 
 def _moved(T: Array, points: Array) -> Array:

@@ -47,5 +47,5 @@ def test_a_noisy_surface_is_no_volume_that_fits_everywhere():
     assert not may_fill_volume(target.astype(np.float32))
     assert may_fill_volume(volume("box", 3000, rng).astype(np.float32))
     noisy = target + rng.normal(0, 0.03, (3000, 3))
-    source = knot(1500, rng) + rng.normal(0, 0.03, (1500, 3))
+    source = knot(3000, rng) + rng.normal(0, 0.03, (3000, 3))
     assert register(apply(inverse(truth), source), noisy).accepted
