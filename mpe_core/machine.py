@@ -63,7 +63,7 @@ def memory_limit(root: Path = ROOT) -> int:
     """Return the memory that this process may use, in bytes."""
     physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     limits = [limit for _, _, limit in _memory_limits(root)]
-    return min([physical, *limits])
+    return min([physical, *limits, *_address_space()])
 
 
 def memory_left(root: Path = ROOT) -> int | None:
@@ -95,6 +95,16 @@ def _affinity() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _address_space() -> list[int]:
+    """Return the limit of the address space (ulimit -v), if there is one."""
+    try:
+        import resource  # Unix only
+    except ImportError:
+        return []
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return [] if limit == resource.RLIM_INFINITY else [limit]
 
 
 def _memory_limits(root: Path) -> Iterator[tuple[Path, _Names, int]]:

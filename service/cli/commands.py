@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,14 @@ from service.cli.align_arguments import (
 from service.cli.backup import add_backup, back_up, check, restore
 from service.cli.exit_codes import EXIT_ERROR, EXIT_OK, EXIT_USAGE
 from service.cli.keys import add_keys, run
+from service.clouds.file_rows import in_file_rows
 from service.clouds.inputs import CLOUD_ROLES
 from service.clouds.transform import adopt_crs, transform_cloud
 from service.formats import (
     WRITERS,
     CloudFileError,
     DecodedCloud,
+    ReadLimits,
     UnsupportedFileError,
     read_points,
     write_cloud,
@@ -32,6 +35,9 @@ from service.formats import (
 from service.problems import NotReadyError
 from service.schemas import Reading
 from service.settings import InvalidSettingsError, load_settings
+
+_MEMORY_SHARE = 0.8
+"""Share of the memory that `mpe align` may take; larger clouds are thinned while they are read."""
 
 
 def run_command(arguments: Sequence[str]) -> int:
@@ -91,6 +97,8 @@ def _align(arguments: argparse.Namespace) -> int:
             source_weights=source.weights,
             target_weights=target.weights,
         )
+        inliers = in_file_rows(registration.inliers, source, target)
+        registration = replace(registration, inliers=inliers)
         written: tuple[str, ...] = ()
         if arguments.output:
             cloud = transform_cloud(source, registration.T_target_source)
@@ -120,9 +128,15 @@ def _read(role: str, arguments: argparse.Namespace) -> DecodedCloud:
     path = getattr(arguments, role)
     reading = {name: getattr(arguments, f"{role}_{name}") for name in Reading.model_fields}
     try:
-        return read_points(path, **reading, attributes=arguments.output is not None)
+        return read_points(path, _read_limits(), **reading, attributes=bool(arguments.output))
     except CloudFileError as error:
         raise type(error)(f"{path}: {error}") from error
+
+
+def _read_limits() -> ReadLimits:
+    from mpe_core.machine import memory_limit
+
+    return ReadLimits.within(int(_MEMORY_SHARE * memory_limit()))
 
 
 def _document(registration: Registration) -> str:

@@ -13,12 +13,13 @@ from service.formats.errors import (
     MalformedFileError,
     MissingAttributeError,
     MissingLibraryError,
+    TooManyPointsError,
     TruncatedFileError,
     UnknownFormatError,
     UnsupportedFileError,
 )
 from service.formats.las_metadata import LasMetadata, LasRecord
-from service.formats.read import read_crs, read_points, sniff, sniff_file
+from service.formats.read import read_crs, read_pieces, read_points, sniff, sniff_file
 from service.formats.registry import FORMATS, Format
 from service.formats.writers import WRITERS, write_cloud, write_ply
 
@@ -35,10 +36,12 @@ __all__ = [
     "MissingAttributeError",
     "MissingLibraryError",
     "ReadLimits",
+    "TooManyPointsError",
     "TruncatedFileError",
     "UnknownFormatError",
     "UnsupportedFileError",
     "read_crs",
+    "read_pieces",
     "read_points",
     "sniff",
     "sniff_file",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.errors import FileLimitError, TruncatedFileError
+from service.formats.errors import TooManyPointsError, TruncatedFileError
 from service.formats.las_metadata import LasMetadata, LasRecord
 
 
@@ -35,6 +37,23 @@ class DecodedCloud:
     """How a LAS file stores its points; only if attributes are requested."""
     crs: tuple[LasRecord, ...] = ()
     """Records of LAS that say in which coordinate system the points are."""
+    rows: NDArray[np.int64] | None = None
+    """(N,) rows of the file that are kept, where it was thinned while read; None: all are."""
+
+
+PIECE_BYTES = 32 << 20
+"""Bytes of a file that are decoded at once where it is read in pieces."""
+POINT_BYTES = 320
+"""Memory of a point of each of two clouds, from their files to the result of a registration
+(docs/tuning.md)."""
+PROCESS_BYTES = 800 << 20
+"""Memory of a process that registers two clouds without points."""
+_MAX_POINTS_PER_BYTE = 100
+"""Points in a byte of a compressed file; real clouds have less than one."""
+_MIN_DENSE_POINTS = 10_000_000
+"""Points up to which that is not checked: a few bytes hold many copies of one."""
+MIN_POINTS = 500_000
+"""Points that are held whatever the memory; fewer than this do not show a scene."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +61,7 @@ class ReadLimits:
     """Bounds that are checked before memory is allocated."""
 
     max_points: int = 50_000_000
-    """Points of a cloud."""
+    """Points of a cloud in memory; larger files are thinned while they are read."""
     max_header_bytes: int = 1 << 18
     """Bytes of a header."""
     max_header_lines: int = 2_000
@@ -55,6 +74,12 @@ class ReadLimits:
     """Ratio of expanded to compressed bytes; real clouds stay below 20."""
     min_free_disk_bytes: int = 0
     """Bytes of the disk that an expansion leaves free."""
+
+    @classmethod
+    def within(cls, memory_bytes: int, *, min_free_disk_bytes: int = 0) -> Self:
+        """Return the limits of a registration of two clouds in so much memory."""
+        points = max(MIN_POINTS, (memory_bytes - PROCESS_BYTES) // POINT_BYTES)
+        return cls(max_points=points, min_free_disk_bytes=min_free_disk_bytes)
 
 
 def check_count(count: int, row_bytes: int, available: int, at: str, limits: ReadLimits) -> None:
@@ -75,15 +100,36 @@ def check_count(count: int, row_bytes: int, available: int, at: str, limits: Rea
 
     Raises
     ------
-    FileLimitError
+    TooManyPointsError
         `count` is above ``limits.max_points``.
     TruncatedFileError
         `count` rows of `row_bytes` bytes do not fit into `available` bytes.
     """
     if count > limits.max_points:
-        raise FileLimitError(f"{at}: {count} points; the limit is {limits.max_points}")
+        raise TooManyPointsError(f"{at}: {count} points; the limit is {limits.max_points}")
     if count * row_bytes > available:
         raise TruncatedFileError(
             f"{at}: {count} points need at least {count * row_bytes} bytes, "
             f"but only {available} follow; is the file complete?"
         )
+
+
+def check_density(count: int, size: int, at: str) -> None:
+    """Refuse a large number of compressed points that a file of `size` bytes can hardly hold.
+
+    Raises
+    ------
+    TruncatedFileError
+        There are more than _MAX_POINTS_PER_BYTE points in a byte.
+    """
+    if count > max(_MIN_DENSE_POINTS, _MAX_POINTS_PER_BYTE * size):
+        raise TruncatedFileError(
+            f"{at}: {count} points in a file of {size} bytes; is the file complete?"
+        )
+
+
+def iter_ranges(count: int, row_bytes: int) -> Iterator[range]:
+    """Divide `count` rows of a file into consecutive ranges of at most PIECE_BYTES."""
+    step = max(1, PIECE_BYTES // max(1, row_bytes))
+    for start in range(0, count, step):
+        yield range(start, min(count, start + step))

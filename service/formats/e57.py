@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -11,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, check_density
 from service.formats.e57_fields import Fields, add_buffers, rotate_normals, select_fields
 from service.formats.errors import (
     CloudFileError,
@@ -46,6 +48,22 @@ def read(
     CloudFileError
         The file is damaged, holds a scan without coordinates, or has no such scan.
     """
+    *pieces, last = read_pieces(path, limits, scan, attributes=attributes)
+    points = [piece.points for piece in pieces]
+    return replace(
+        last,
+        points=np.concatenate([np.empty((0, 3)), *points]),
+        attributes={
+            name: np.concatenate([column, *(piece.attributes[name] for piece in pieces)])
+            for name, column in last.attributes.items()
+        },
+    )
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, scan: int | None, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces; the last has no points, but the warnings."""
     pye57 = import_library("pye57")
     _check_header(path)
     try:
@@ -53,25 +71,23 @@ def read(
         headers = [file.get_header(i) for i in range(file.scan_count)]
         total = sum(header.point_count for header in headers)
         check_count(total, 0, 0, f"{len(headers)} scans", limits)
+        check_density(total, path.stat().st_size, f"{len(headers)} scans")
         wanted, warnings = select_scans(len(headers), scan)
         fields = select_fields([headers[i] for i in wanted]) if attributes else Fields()
-        parts = [_read_scan(file, headers[i], fields) for i in wanted]
+        for i in wanted:
+            for points, columns in _iter_scan(file, headers[i], fields):
+                kept = {name: columns[field] for name, field in fields.names.items()}
+                yield DecodedCloud(points, "e57", attributes=kept)
         file.close()
     except CloudFileError:
         raise
     except (pye57.libe57.E57Exception, RuntimeError, ValueError, TypeError, KeyError) as error:
         reason = short_reason(error)
         raise MalformedFileError(f"the E57 file cannot be read: {reason}") from None
-    kept = {
-        name: np.concatenate([columns[field] for _, columns in parts])
-        for name, field in fields.names.items()
+    empty: dict[str, NDArray[np.generic]] = {
+        name: np.empty(0, fields.types[field]) for name, field in fields.names.items()
     }
-    return DecodedCloud(
-        np.concatenate([points for points, _ in parts]),
-        "e57",
-        warnings + fields.warnings,
-        attributes=kept,
-    )
+    yield DecodedCloud(np.empty((0, 3)), "e57", warnings + fields.warnings, attributes=empty)
 
 
 def _check_header(path: Path) -> None:
@@ -139,9 +155,10 @@ def _check_prototypes(xml: bytes) -> None:
             )
 
 
-def _read_scan(
+def _iter_scan(
     file: Any, header: Any, extra: Fields
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.generic]]]:
+) -> Iterator[tuple[NDArray[np.float64], dict[str, NDArray[np.generic]]]]:
+    """Yield consecutive points of a scan in the frame of the file, and their other fields."""
     fields = set(header.point_fields)
     if fields.issuperset(_CARTESIAN):
         names, invalid = _CARTESIAN, "cartesianInvalidState"
@@ -156,31 +173,24 @@ def _read_scan(
     capacity = min(_CHUNK_POINTS, max(1, header.point_count))
     data, buffers = file.make_buffers(columns, capacity)
     add_buffers(file.image_file, extra, capacity, data, buffers)
-    reader = header.points.reader(buffers)
-    parts = [np.empty((0, 3))]
-    others: dict[str, list[NDArray[np.generic]]] = {
-        name: [np.empty(0, kind)] for name, kind in extra.types.items()
-    }
+    reader, count = header.points.reader(buffers), 0
     while got := reader.read():
-        rows = np.stack([data[name][:got] for name in names], axis=1).astype(np.float64)
+        points = np.stack([data[name][:got] for name in names], axis=1).astype(np.float64)
         if invalid in data:
-            rows[data[invalid][:got] != 0] = np.nan
-        parts.append(rows)
-        for name, chunks in others.items():
-            chunks.append(data[name][:got].astype(extra.types[name]))
-    points = np.concatenate(parts)
-    if len(points) != header.point_count:
-        raise TruncatedFileError(
-            f"a scan holds {len(points)} of {header.point_count} announced points"
-        )
-    if names is _SPHERICAL:
-        points = _to_cartesian(points)
-    kept = {name: np.concatenate(chunks) for name, chunks in others.items()}
-    if header.has_pose():
-        rotation = header.rotation_matrix
-        points = points @ rotation.T + header.translation
-        rotate_normals(kept, rotation)
-    return points, kept
+            points[data[invalid][:got] != 0] = np.nan
+        kept: dict[str, NDArray[np.generic]] = {
+            name: data[name][:got].astype(kind) for name, kind in extra.types.items()
+        }
+        if names is _SPHERICAL:
+            points = _to_cartesian(points)
+        if header.has_pose():
+            rotation = header.rotation_matrix
+            points = points @ rotation.T + header.translation
+            rotate_normals(kept, rotation)
+        count += got
+        yield points, kept
+    if count != header.point_count:
+        raise TruncatedFileError(f"a scan holds {count} of {header.point_count} announced points")
 
 
 def _to_cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ CloudFileError
 ├── UnsupportedFileError    a legal file of a kind that is not read
 ├── MissingAttributeError   no attribute of that name holds one number for each point
 ├── FileLimitError          a size, count or length above its limit
+│   └── TooManyPointsError  more points than the memory allowed holds
 └── MissingLibraryError     the library that decodes this format is not installed
 
 Each message gives the place (byte, line or element) where it is known.
@@ -50,6 +51,10 @@ class MissingAttributeError(CloudFileError):
 
 class FileLimitError(CloudFileError):
     """A size, count or length is above its limit."""
+
+
+class TooManyPointsError(FileLimitError):
+    """The file has more points than the memory allowed holds."""
 
 
 class MissingLibraryError(CloudFileError):

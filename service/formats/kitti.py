@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import MalformedFileError
 from service.formats.memory_map import map_file
 
@@ -40,17 +41,38 @@ def read(
     MalformedFileError
         The length is no multiple of the row's, or the numbers are no coordinates or intensities.
     """
-    width, size = columns or _KITTI_COLUMNS, path.stat().st_size
+    width = columns or _KITTI_COLUMNS
+    count = _count_rows(path, limits, width)
+    return _read_rows(path, range(count), width, columns, attributes=attributes)
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, columns: int | None, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces."""
+    width = columns or _KITTI_COLUMNS
+    for rows in iter_ranges(_count_rows(path, limits, width), 4 * width):
+        yield _read_rows(path, rows, width, columns, attributes=attributes)
+
+
+def _count_rows(path: Path, limits: ReadLimits, width: int) -> int:
+    size, row_bytes = path.stat().st_size, 4 * width
     if not MIN_COLUMNS <= width <= MAX_COLUMNS:
         raise MalformedFileError(f"columns is {width}; expected {MIN_COLUMNS} to {MAX_COLUMNS}")
-    row_bytes = 4 * width
     if size % row_bytes:
         raise MalformedFileError(
             f"the file has {size} bytes; expected a multiple of {row_bytes}: "
             f"rows of {width} columns (x, y, z, ...) in float32; {_DECLARE}"
         )
     check_count(size // row_bytes, row_bytes, size, "the file", limits)
-    rows = np.frombuffer(map_file(path), "<f4").reshape(-1, width)
+    return size // row_bytes
+
+
+def _read_rows(
+    path: Path, wanted: range, width: int, columns: int | None, *, attributes: bool
+) -> DecodedCloud:
+    content = map_file(path, 4 * width * wanted.start, 4 * width * len(wanted))
+    rows = np.frombuffer(content, "<f4").reshape(-1, width)
     if columns is None:
         _check_intensities(rows[:, 3])
     elif not _are_plausible(rows[:, :3]):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, check_density
 from service.formats.errors import (
     FileLimitError,
     MalformedFileError,
@@ -64,20 +64,43 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     CloudFileError
         The file is damaged or of a kind that is not read; the message names the byte.
     """
+    *pieces, last = read_pieces(path, limits, attributes=attributes)
+    points = [piece.points for piece in pieces]
+    names = pieces[0].attributes if pieces else {}
+    return replace(
+        last,
+        points=np.concatenate([np.empty((0, 3)), *points]),
+        attributes={
+            name: np.concatenate([piece.attributes[name] for piece in pieces]) for name in names
+        },
+    )
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces; the last has no points, but the warnings."""
     size = path.stat().st_size
     with path.open("rb") as file:
         header = _check_header(file.read(375), size, limits)
     if header.compressed:
         _check_chunk_table(path, header.offset, size)
-    points, kept, metadata, crs = _decode(path, header.count, attributes=attributes)
-    if len(points) < header.count:
-        raise TruncatedFileError(f"the file holds {len(points)} of {header.count} announced points")
+    name = "laz" if header.compressed else "las"
+    count = outside = 0
+    metadata: LasMetadata | None = None
+    crs: tuple[LasRecord, ...] = ()
+    for chunk, metadata, crs in _iter_chunks(path, header.count, attributes=attributes):
+        points = np.stack([chunk.x, chunk.y, chunk.z], axis=1)
+        kept = dict(_dimensions(chunk)) if attributes else {}
+        count, outside = count + len(points), outside + _count_outside(header, points)
+        yield DecodedCloud(points, name, attributes=kept, las=metadata, crs=crs)
+    if count < header.count:
+        raise TruncatedFileError(f"the file holds {count} of {header.count} announced points")
     left = size - header.offset - header.count * header.row_bytes
-    warnings = _check_bounds(header, points)
+    warnings = _check_bounds(header, outside)
     if left > 0 and not header.compressed:
         warnings += (f"{left} bytes after the last point are ignored",)
-    name = "laz" if header.compressed else "las"
-    return DecodedCloud(points, name, warnings, attributes=kept, las=metadata, crs=crs)
+    yield DecodedCloud(np.empty((0, 3)), name, warnings, las=metadata, crs=crs)
 
 
 def read_crs(path: Path, limits: ReadLimits) -> tuple[LasRecord, ...]:
@@ -95,13 +118,16 @@ def read_crs(path: Path, limits: ReadLimits) -> tuple[LasRecord, ...]:
         return _crs_records(path, file.header)
 
 
-def _check_bounds(header: _PublicHeader, points: NDArray[np.float64]) -> tuple[str, ...]:
+def _count_outside(header: _PublicHeader, points: NDArray[np.float64]) -> int:
+    inside = (points >= header.low - header.scale) & (points <= header.high + header.scale)
+    return len(points) - int(inside.all(axis=1).sum())
+
+
+def _check_bounds(header: _PublicHeader, outside: int) -> tuple[str, ...]:
     """Warn about points outside of the header's bounding box.
 
     Truncated LAZ data decodes to noise beyond its end: with an inconsistent count it is an error.
     """
-    inside = (points >= header.low - header.scale) & (points <= header.high + header.scale)
-    outside = len(points) - int(inside.all(axis=1).sum())
     if outside and header.compressed and header.count_by_return != header.count:
         raise MalformedFileError(
             f"byte 107: {header.count} points announced, but {header.count_by_return} by return, "
@@ -146,6 +172,7 @@ def _check_header(head: bytes, size: int, limits: ReadLimits) -> _PublicHeader:
     if not np.isfinite(struct.unpack_from("<6d", head, 131)).all():
         raise MalformedFileError("byte 131: a scale or offset is not finite")
     check_count(count, 0 if compressed else row, size - offset, "byte 107", limits)
+    check_density(count, size, "byte 107")
     by_return = struct.unpack_from("<15Q", head, 255) if minor == 4 else ()
     bounds = np.array(struct.unpack_from("<6d", head, 179)).reshape(3, 2)
     return _PublicHeader(
@@ -180,29 +207,21 @@ def _check_chunk_table(path: Path, offset: int, size: int) -> None:
         )
 
 
-def _decode(
+def _iter_chunks(
     path: Path, count: int, *, attributes: bool
-) -> tuple[
-    NDArray[np.float64],
-    dict[str, NDArray[np.generic]],
-    LasMetadata | None,
-    tuple[LasRecord, ...],
-]:
+) -> Iterator[tuple[Any, LasMetadata | None, tuple[LasRecord, ...]]]:
+    """Yield the points as laspy decodes them, with what the file says beside them if wanted."""
     laspy = import_library("laspy")
-    parts: list[NDArray[np.float64]] = [np.empty((0, 3))]
-    kept: dict[str, list[NDArray[np.generic]]] = {}
     with _translate_errors(), laspy.open(path, **_options(laspy)) as file:
         _check_chunk_size(file.header)
         metadata = _read_metadata(file.header) if attributes else None
         crs = _crs_records(path, file.header) if attributes else ()
+        found = 0
         for chunk in file.chunk_iterator(_CHUNK_POINTS):
-            parts.append(np.stack([chunk.x, chunk.y, chunk.z], axis=1))
-            for name, column in _dimensions(chunk) if attributes else ():
-                kept.setdefault(name, []).append(column)
-            if sum(map(len, parts)) >= count:
+            found += len(chunk)
+            yield chunk, metadata, crs
+            if found >= count:
                 break
-    columns = {name: np.concatenate(chunks) for name, chunks in kept.items()}
-    return np.concatenate(parts), columns, metadata, crs
 
 
 @contextmanager

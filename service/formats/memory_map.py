@@ -1,12 +1,25 @@
-"""Read-only memory maps of files."""
+"""Read-only memory maps of files, and of parts of them."""
 
 from __future__ import annotations
 
-from mmap import ACCESS_READ, mmap
+from mmap import ACCESS_READ, ALLOCATIONGRANULARITY, mmap
 from pathlib import Path
 
 
-def map_file(path: Path) -> memoryview:
-    """Map a non-empty file; it is unmapped when the last array made from the view is gone."""
+def map_file(path: Path, start: int = 0, size: int | None = None) -> memoryview:
+    """Map a file from byte `start` on; it is unmapped when the last array of the view is gone.
+
+    Parameters
+    ----------
+    path
+        A file that is not empty.
+    start
+        First byte.
+    size
+        Bytes, of which there is at least one; None: up to the end of the file.
+    """
+    ahead = start % ALLOCATIONGRANULARITY
+    length = 0 if size is None else size + ahead
     with path.open("rb") as file:
-        return memoryview(mmap(file.fileno(), 0, access=ACCESS_READ))
+        view = memoryview(mmap(file.fileno(), length, access=ACCESS_READ, offset=start - ahead))
+    return view[ahead:]

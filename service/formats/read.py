@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from service.formats import las
@@ -11,6 +13,7 @@ from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
     CloudFileError,
     MalformedFileError,
+    TooManyPointsError,
     TruncatedFileError,
     UnknownFormatError,
     UnsupportedFileError,
@@ -22,6 +25,7 @@ from service.formats.las_metadata import LasRecord
 from service.formats.numerals import significant_line
 from service.formats.registry import FORMATS, Format, ReadChoice
 from service.formats.text_encoding import rewrite_text, to_plain_head
+from service.formats.thinning import thin_pieces
 
 SNIFFED_BYTES = 4096
 """Bytes at the start of a file that decide its format."""
@@ -33,7 +37,9 @@ _FLOAT_ROWS = (
 )
 EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples", "columns")
 """Choices that are an error for a format without them."""
-ReadChoices = dict[ReadChoice, int | str | None]
+ReadChoices = dict[str, int | str | None]
+_UNLIMITED = 1 << 62
+"""Points of a file that is read in pieces."""
 
 
 def sniff(head: bytes) -> str | None:
@@ -64,7 +70,7 @@ def read_points(
     columns: int | None = None,
     attributes: bool = False,
 ) -> DecodedCloud:
-    """Decode a cloud file.
+    """Decode a cloud file; one with more points than the limit is thinned while it is read.
 
     Parameters
     ----------
@@ -85,7 +91,8 @@ def read_points(
     columns
         Number of columns of the format "kitti", 3 to 8; None: x, y, z, intensity.
     attributes
-        Keep the other columns, the faces of meshes, and what LAS says beside its points.
+        Keep the other columns, the faces of meshes, and what LAS says beside its points; only of
+        files that are not thinned.
 
     Returns
     -------
@@ -106,25 +113,74 @@ def read_points(
     >>> cloud.points.shape  # doctest: +SKIP
     (14879, 3)
     """
+    pieces = read_pieces(
+        path,
+        limits,
+        format=format,
+        scan=scan,
+        surface_samples=surface_samples,
+        weights=weights,
+        columns=columns,
+        attributes=attributes,
+    )
+    max_points = (limits or ReadLimits()).max_points
+    cloud = next(pieces)
+    second = next(pieces, None)
+    if second is not None or len(cloud.points) > max_points:
+        parts = chain((cloud,), () if second is None else (second,), pieces)
+        return _take_weights(thin_pieces(parts, max_points, weights), weights)
+    if weights is None:
+        return cloud
+    cloud = _take_weights(cloud, weights)
+    return cloud if attributes else replace(cloud, attributes={}, faces=None, las=None, crs=())
+
+
+def read_pieces(
+    path: str | Path,
+    limits: ReadLimits | None = None,
+    *,
+    weights: str | None = None,
+    attributes: bool = False,
+    format: str | None = None,
+    **choices: int | None,
+) -> Iterator[DecodedCloud]:
+    """Decode a cloud file in consecutive pieces: one, unless it has more points than the limit.
+
+    Parameters
+    ----------
+    path, limits, weights, attributes, format, choices
+        As for `read_points`; the column of the weights is among the attributes.
+
+    Yields
+    ------
+    DecodedCloud
+        At least one; of several, some may have no points, but warnings.
+
+    Raises
+    ------
+    CloudFileError
+        The file cannot be read as a cloud; the message names the byte or line.
+    """
     path = Path(path)
     if path.stat().st_size == 0:
         raise TruncatedFileError("the file is empty")
-    choices: ReadChoices = {
-        "scan": scan,
-        "surface_samples": surface_samples,
+    chosen: ReadChoices = {
+        "scan": None,
+        "surface_samples": None,
+        "columns": None,
         "attributes": attributes,
         "weights": weights,
-        "columns": columns,
     }
-    cloud = _read_text_or_bytes(path, limits or ReadLimits(), format, choices)
+    chosen |= choices
+    yield from _read_text_or_bytes(path, limits or ReadLimits(), format, chosen)
+
+
+def _take_weights(cloud: DecodedCloud, weights: str | None) -> DecodedCloud:
     if weights is None:
         return cloud
     if weights not in cloud.attributes:
         raise missing_attribute(weights, cloud.attributes)
-    column = cloud.attributes[weights]
-    if attributes:
-        return replace(cloud, weights=column)
-    return replace(cloud, weights=column, attributes={}, faces=None, las=None, crs=())
+    return replace(cloud, weights=cloud.attributes[weights])
 
 
 def read_crs(path: Path, limits: ReadLimits | None = None) -> tuple[LasRecord, ...]:
@@ -145,28 +201,22 @@ def read_crs(path: Path, limits: ReadLimits | None = None) -> tuple[LasRecord, .
 
 def _read_text_or_bytes(
     path: Path, limits: ReadLimits, format: str | None, choices: ReadChoices
-) -> DecodedCloud:
+) -> Iterator[DecodedCloud]:
     """Read a file, or what its text is in UTF-8 with usual line ends."""
     if format is not None and _by_name(format).sniff is None:
-        return _read(_by_name(format), path, limits, choices)
+        yield from _read(_by_name(format), path, limits, choices)
+        return
     with rewrite_text(path) as (plain, warnings):
-        cloud = _read(_choose(plain, format, choices["columns"]), plain, limits, choices)
-    return replace(cloud, warnings=warnings + cloud.warnings)
+        chosen = _choose(plain, format, choices["columns"])
+        yield from _add_warnings(_read(chosen, plain, limits, choices), warnings)
 
 
-def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) -> DecodedCloud:
+def _read(
+    format: Format, path: Path, limits: ReadLimits, choices: ReadChoices
+) -> Iterator[DecodedCloud]:
     if format.read is None or format.is_archive(path):
-        with expand_archive(path, limits) as inner:
-            if inner.stat().st_size == 0:
-                raise TruncatedFileError("the file in the archive is empty")
-            with rewrite_text(inner) as (plain, warnings):
-                inside = _detect(plain)
-                if inside.read is None or inside.is_archive(plain):
-                    raise UnsupportedFileError(
-                        "the archive holds another archive; expected one cloud file"
-                    )
-                cloud = _read(inside, plain, limits, choices)
-            return replace(cloud, warnings=warnings + cloud.warnings)
+        yield from _read_archive(path, limits, choices)
+        return
     for name in EXCLUSIVE_CHOICES:
         if choices[name] is not None and name not in format.choices:
             raise MalformedFileError(
@@ -176,9 +226,46 @@ def _read(format: Format, path: Path, limits: ReadLimits, choices: ReadChoices) 
     if choices["weights"] is not None and "weights" not in format.choices:
         chosen["attributes"] = True
     try:
-        return format.read(path, limits, **chosen)
+        yield format.read(path, limits, **chosen)
+    except TooManyPointsError as error:
+        if format.read_pieces is None:
+            names = ", ".join(each.name for each in FORMATS if each.read_pieces)
+            raise TooManyPointsError(
+                f"read as {format.name}: {error}; files of {names} may be larger: they are "
+                "thinned while they are read"
+            ) from None
     except CloudFileError as error:
-        raise type(error)(f"read as {format.name}: {error}") from None
+        raise _name_format(error, format) from None
+    else:
+        return
+    try:
+        yield from format.read_pieces(path, replace(limits, max_points=_UNLIMITED), **chosen)
+    except CloudFileError as error:
+        raise _name_format(error, format) from None
+
+
+def _name_format(error: CloudFileError, format: Format) -> CloudFileError:
+    return type(error)(f"read as {format.name}: {error}")
+
+
+def _read_archive(path: Path, limits: ReadLimits, choices: ReadChoices) -> Iterator[DecodedCloud]:
+    with expand_archive(path, limits) as inner:
+        if inner.stat().st_size == 0:
+            raise TruncatedFileError("the file in the archive is empty")
+        with rewrite_text(inner) as (plain, warnings):
+            inside = _detect(plain)
+            if inside.read is None or inside.is_archive(plain):
+                raise UnsupportedFileError(
+                    "the archive holds another archive; expected one cloud file"
+                )
+            yield from _add_warnings(_read(inside, plain, limits, choices), warnings)
+
+
+def _add_warnings(
+    pieces: Iterator[DecodedCloud], warnings: tuple[str, ...]
+) -> Iterator[DecodedCloud]:
+    for cloud in pieces:
+        yield replace(cloud, warnings=warnings + cloud.warnings)
 
 
 def _choose(path: Path, format: str | None, columns: int | str | None) -> Format:

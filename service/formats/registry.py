@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -55,6 +55,8 @@ class Format:
     """Keyword arguments that `read` takes."""
     is_archive: Callable[[Path], bool] = _never
     """Whether a file is an archive around another cloud file, which is read instead."""
+    read_pieces: Callable[..., Iterator[DecodedCloud]] | None = None
+    """As `read`, but yields consecutive parts of bounded size; None: files are read whole."""
 
 
 def _starts_with(*magics: bytes) -> Callable[[bytes], bool]:
@@ -69,6 +71,7 @@ FORMATS = (
         _starts_with(b"ply\n", b"ply\r\n", b"ply\r", b"ply "),
         ply.read,
         ("attributes",),
+        read_pieces=ply.read_pieces,
     ),
     Format(
         "pcd",
@@ -77,6 +80,7 @@ FORMATS = (
         pcd.sniff,
         pcd.read,
         ("attributes",),
+        read_pieces=pcd.read_pieces,
     ),
     Format(
         "las",
@@ -85,6 +89,7 @@ FORMATS = (
         _starts_with(las.MAGIC),
         las.read,
         ("attributes",),
+        read_pieces=las.read_pieces,
     ),
     Format(
         "e57",
@@ -93,6 +98,7 @@ FORMATS = (
         _starts_with(e57.MAGIC),
         e57.read,
         ("scan", "attributes"),
+        read_pieces=e57.read_pieces,
     ),
     Format(
         "ptx",
@@ -182,6 +188,7 @@ FORMATS = (
         xyz.sniff,
         xyz.read,
         ("weights", "attributes"),
+        read_pieces=xyz.read_pieces,
     ),
     Format(
         "colmap",
@@ -223,5 +230,6 @@ FORMATS = (
         None,
         kitti.read,
         ("columns", "attributes"),
+        read_pieces=kitti.read_pieces,
     ),
 )

@@ -17,16 +17,22 @@ from service.formats.errors import (
     CloudFileError,
     FileLimitError,
     MalformedFileError,
+    TooManyPointsError,
     TruncatedFileError,
 )
 from service.formats.memory_map import map_file
 from service.formats.numerals import is_missing, is_number
 
-_BLOCK_BYTES = 1 << 20
+_CHUNK_BYTES = 1 << 20
+_BLOCK_BYTES = 32 << 20
+"""Bytes of a block of a file that is read in pieces."""
 MIN_KERNEL_BYTES = 4 << 20
 """Bytes of text from which on the kernel is worth loading; it is ten times as fast."""
 _COMMENT = re.compile(r"(?<!\.)#")
 """Beginning of a comment, but not the sign in 1.#QNAN, as Windows writes NaN."""
+
+
+CUT_WARNING = "the last line has no line end: its last number may have been cut"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,63 +100,159 @@ def read_columns(
     FileLimitError
         A line is too long, or there are too many.
     """
-    count = _count_lines(path, offset, first_line, limits)
-    max_rows = min(count, limits.max_points + 1 if rows is None else rows)
     cleaner = cleaner or TableCleaner(dialect, columns, accepts_commas=False)
-    try:
-        table = _parse_quickly(path, offset, columns, max_rows, dialect)
-        if table is None:
-            table = _parse(path, offset, columns, max_rows, dialect, None)
-    except ValueError:
-        try:
-            table = _parse(path, offset, columns, max_rows, dialect, cleaner)
-        except CloudFileError:
-            raise
-        except ValueError as error:
-            again = replace(cleaner)
-            raise _find_first_error(path, offset, first_line, again, error) from None
-    table = table.reshape(-1, len(columns))
-    if len(table) > limits.max_points:
-        raise FileLimitError(f"the file has more than {limits.max_points} rows, the limit")
+    block = TextBlock(path, offset, path.stat().st_size, first_line)
+    table = read_block(block, columns, limits, rows=rows, dialect=dialect, cleaner=cleaner)
     if rows is not None and len(table) < rows:
         raise TruncatedFileError(f"the file ends after {len(table)} of {rows} announced rows")
     return table
 
 
+@dataclass(frozen=True, slots=True)
+class TextBlock:
+    """Consecutive lines of a file."""
+
+    path: Path
+    start: int
+    """First byte."""
+    end: int
+    """Byte after the last."""
+    first_line: int
+    """Number of the first line, for messages."""
+
+    def content(self) -> NDArray[np.uint8]:
+        """Return the bytes, mapped."""
+        if self.start == self.end:
+            return np.empty(0, np.uint8)
+        return np.frombuffer(map_file(self.path, self.start, self.end - self.start), np.uint8)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines with their ends."""
+        left = self.end - self.start
+        with self.path.open(encoding="latin1", newline="\n") as file:
+            file.seek(self.start)
+            for line in file:
+                if left <= 0:
+                    return
+                left -= len(line)
+                yield line
+
+    def chunks(self) -> Iterator[bytes]:
+        """Yield the bytes, some at a time."""
+        left = self.end - self.start
+        with self.path.open("rb") as file:
+            file.seek(self.start)
+            while left > 0 and (chunk := file.read(min(_CHUNK_BYTES, left))):
+                left -= len(chunk)
+                yield chunk
+
+
+def split_text(path: Path, offset: int, first_line: int, limits: ReadLimits) -> Iterator[TextBlock]:
+    """Yield the text from a byte on in blocks of whole lines.
+
+    Raises
+    ------
+    FileLimitError
+        A line is longer than the limit.
+    """
+    size, start, line = path.stat().st_size, offset, first_line
+    while start < size:
+        with path.open("rb") as file:
+            file.seek(start + _BLOCK_BYTES)
+            rest = file.readline(limits.max_line_bytes + 1)
+        block = TextBlock(path, start, min(size, start + _BLOCK_BYTES + len(rest)), line)
+        yield block
+        start, line = block.end, line + _count_lines(block, limits) - 1
+
+
+def iter_columns(
+    path: Path,
+    offset: int,
+    first_line: int,
+    columns: Sequence[int],
+    limits: ReadLimits,
+    *,
+    rows: int,
+) -> Iterator[NDArray[np.float64]]:
+    """Parse as `read_columns` does, in consecutive pieces.
+
+    Raises
+    ------
+    CloudFileError
+        As `read_columns`.
+    """
+    cleaner = TableCleaner(PLAIN, columns, accepts_commas=False)
+    left = rows
+    for block in split_text(path, offset, first_line, limits):
+        if left == 0:
+            return
+        table = read_block(block, columns, limits, rows=left, dialect=PLAIN, cleaner=cleaner)
+        left -= len(table)
+        yield table
+    if left:
+        raise TruncatedFileError(f"the file ends after {rows - left} of {rows} announced rows")
+
+
+def read_block(
+    block: TextBlock,
+    columns: Sequence[int],
+    limits: ReadLimits,
+    *,
+    rows: int | None = None,
+    dialect: Dialect,
+    cleaner: TableCleaner,
+) -> NDArray[np.float64]:
+    """Parse columns of at most `rows` rows; see `read_columns`."""
+    count = _count_lines(block, limits)
+    max_rows = min(count, limits.max_points + 1 if rows is None else rows)
+    try:
+        table = _parse_quickly(block, columns, max_rows, dialect)
+        if table is None:
+            table = _parse(block, columns, max_rows, dialect, None)
+    except ValueError:
+        try:
+            table = _parse(block, columns, max_rows, dialect, cleaner)
+        except CloudFileError:
+            raise
+        except ValueError as error:
+            raise _find_first_error(block, replace(cleaner), error) from None
+    table = table.reshape(-1, len(columns))
+    if len(table) > limits.max_points:
+        raise TooManyPointsError(f"the file has more than {limits.max_points} rows, the limit")
+    return table
+
+
 def _parse_quickly(
-    path: Path, offset: int, columns: Sequence[int], max_rows: int, dialect: Dialect
+    block: TextBlock, columns: Sequence[int], max_rows: int, dialect: Dialect
 ) -> NDArray[np.float64] | None:
     """Parse a large table of plain numbers by a kernel; None where that is not clear to it."""
-    is_small = path.stat().st_size - offset < MIN_KERNEL_BYTES
+    is_small = block.end - block.start < MIN_KERNEL_BYTES
     if is_small or dialect.keyword or dialect.decimal_comma or len({*columns}) < len(columns):
         return None
     try:
         from mpe_core.kernels.decimal_rows import BLANKS, parse_rows
     except ModuleNotFoundError:
         return None
-    text = np.frombuffer(map_file(path), np.uint8)[offset:]
     delimiter = BLANKS if dialect.delimiter is None else ord(dialect.delimiter)
     targets = np.full(max(columns) + 1, -1)
     targets[list(columns)] = np.arange(len(columns))
     table = np.empty((max_rows, len(columns)))
-    rows = parse_rows(text, delimiter, targets, len(columns), table)
+    rows = parse_rows(block.content(), delimiter, targets, len(columns), table)
     return table[:rows] if rows >= 0 else None
 
 
 def _parse(
-    path: Path,
-    offset: int,
+    block: TextBlock,
     columns: Sequence[int],
     max_rows: int,
     dialect: Dialect,
     cleaner: TableCleaner | None,
 ) -> NDArray[np.float64]:
     # with 1.#QNAN among the numbers only the cleaner can tell comments
-    comments = None if cleaner or _has_windows_nan(path, offset) else "#"
-    with path.open(encoding="latin1", newline="\n") as file, warnings.catch_warnings():
+    comments = None if cleaner or _has_windows_nan(block) else "#"
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # about blank lines and missing data
-        file.seek(offset)
-        lines = _normalize_lines(file, dialect)
+        lines = _normalize_lines(block.lines(), dialect)
         return np.loadtxt(
             lines if cleaner is None else cleaner.clean(lines),
             delimiter=dialect.delimiter if cleaner is None else ",",
@@ -257,63 +359,58 @@ def ends_with_newline(path: Path) -> bool:
         return file.read(1) == b"\n"
 
 
-def _has_windows_nan(path: Path, offset: int) -> bool:
+def _has_windows_nan(block: TextBlock) -> bool:
     """Whether the sign # follows a point anywhere, as in 1.#QNAN."""
     last = b""
-    with path.open("rb") as file:
-        file.seek(offset)
-        while block := file.read(_BLOCK_BYTES):
-            if b".#" in last + block:
-                return True
-            last = block[-1:]
+    for chunk in block.chunks():
+        if b".#" in last + chunk:
+            return True
+        last = chunk[-1:]
     return False
 
 
-def _count_lines(path: Path, offset: int, first_line: int, limits: ReadLimits) -> int:
+def _count_lines(block: TextBlock, limits: ReadLimits) -> int:
+    """Count the lines, of which the last may be empty, and check their lengths."""
     lines, length = 0, 0
-    with path.open("rb") as file:
-        file.seek(offset)
-        while chunk := file.read(_BLOCK_BYTES):
-            ends = np.flatnonzero(np.frombuffer(chunk, np.uint8) == ord("\n"))
-            gaps = np.diff(ends, prepend=-1 - length, append=len(chunk))
-            if gaps.max() > limits.max_line_bytes:
-                line = first_line + lines + int(np.argmax(gaps > limits.max_line_bytes))
-                raise FileLimitError(
-                    f"line {line}: longer than {limits.max_line_bytes} bytes; "
-                    "expected text with one point a line"
-                )
-            lines += len(ends)
-            length = len(chunk) - 1 - int(ends[-1]) if len(ends) else length + len(chunk)
+    for chunk in block.chunks():
+        ends = np.flatnonzero(np.frombuffer(chunk, np.uint8) == ord("\n"))
+        gaps = np.diff(ends, prepend=-1 - length, append=len(chunk))
+        if gaps.max() > limits.max_line_bytes:
+            line = block.first_line + lines + int(np.argmax(gaps > limits.max_line_bytes))
+            raise FileLimitError(
+                f"line {line}: longer than {limits.max_line_bytes} bytes; "
+                "expected text with one point a line"
+            )
+        lines += len(ends)
+        length = len(chunk) - 1 - int(ends[-1]) if len(ends) else length + len(chunk)
     allowed = 2 * limits.max_points + limits.max_header_lines
     if lines > allowed:
-        raise FileLimitError(f"the file has {lines} lines; the limit is {allowed}")
+        raise TooManyPointsError(f"the file has {lines} lines; the limit is {allowed}")
     return lines + 1
 
 
 def _find_first_error(
-    path: Path, offset: int, first_line: int, cleaner: TableCleaner, error: ValueError
+    block: TextBlock, cleaner: TableCleaner, error: ValueError
 ) -> MalformedFileError:
     """Find the first line without a number in one of the columns."""
     dialect, columns = cleaner.dialect, cleaner.columns
-    with path.open("rb") as file:
-        file.seek(offset)
-        for number, raw in enumerate(file, first_line):
-            line = next(iter(_normalize_lines([raw.decode("latin1")], dialect)), "")
-            fields = _COMMENT.split(line, maxsplit=1)[0].strip().split(dialect.delimiter)
-            words = next(iter(cleaner.clean([line])), None)
-            if words is None:
-                continue
-            if len(fields) <= max(columns):
+    for number, raw in enumerate(block.lines(), block.first_line):
+        line = next(iter(_normalize_lines([raw], dialect)), "")
+        fields = _COMMENT.split(line, maxsplit=1)[0].strip().split(dialect.delimiter)
+        words = next(iter(cleaner.clean([line])), None)
+        if words is None:
+            continue
+        if len(fields) <= max(columns):
+            return MalformedFileError(
+                f"line {number}: {len(fields)} fields; expected at least {max(columns) + 1}"
+            )
+        for column, word in zip(columns, words.split(","), strict=False):
+            if not is_number(word) or "\r" in line.rstrip("\r\n"):
                 return MalformedFileError(
-                    f"line {number}: {len(fields)} fields; expected at least {max(columns) + 1}"
+                    f"line {number}: {fields[column].strip()[:40]!r} in column {column + 1} "
+                    "is not a number"
                 )
-            for column, word in zip(columns, words.split(","), strict=False):
-                if not is_number(word) or "\r" in line.rstrip("\r\n"):
-                    return MalformedFileError(
-                        f"line {number}: {fields[column].strip()[:40]!r} in column {column + 1} "
-                        "is not a number"
-                    )
-    return MalformedFileError(f"after line {first_line}: {error}")
+    return MalformedFileError(f"after line {block.first_line}: {error}")
 
 
 def read_head_lines(path: Path, limits: ReadLimits) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +20,14 @@ from service.formats.errors import (
 from service.formats.numerals import is_number
 from service.formats.text_layout import TextLayout, detect_layout
 from service.formats.text_table import (
+    CUT_WARNING,
     Dialect,
     TableCleaner,
+    TextBlock,
     ends_with_newline,
-    read_columns,
+    read_block,
     read_head_lines,
+    split_text,
 )
 from service.formats.unnamed_columns import name_columns
 
@@ -50,33 +55,87 @@ def read(
     CloudFileError
         The text is malformed; the message names the line.
     """
-    lines = read_head_lines(path, limits)
-    if any("\0" in line for line in lines):
-        raise UnsupportedFileError("the text has zero bytes; expected UTF-8 or UTF-16")
-    layout = detect_layout(lines)
-    if layout is None:
-        raise MalformedFileError(
-            f"line 1 to {len(lines)}: no line of three numbers; expected one point a line"
-        )
-    if weights is not None and weights not in layout.others:
-        raise missing_attribute(weights, layout.others)
-    columns = layout.xyz + (layout.normals or ())
-    columns += () if weights is None else (layout.others[weights],)
-    table, warnings = _read_table(path, lines, layout, columns, limits)
-    if not ends_with_newline(path):
-        warnings += ("the last line has no line end: its last number may have been cut",)
-    normals = table[:, 3:6] if layout.normals else None
-    kept: dict[str, NDArray[np.generic]] = {}
-    if attributes:
-        kept, more = _read_attributes(path, lines, layout, limits)
-        warnings += more
-    if weights is not None:
-        kept[weights] = table[:, -1]
-    return DecodedCloud(table[:, :3], "xyz", warnings, normals, attributes=kept)
+    text = _Text.open(path, limits, weights)
+    block = TextBlock(path, text.offset, path.stat().st_size, text.layout.first_row + 1)
+    cloud = text.read(block, limits, attributes=attributes)
+    text.check_counts(len(cloud.points))
+    return replace(cloud, warnings=text.warnings(path) + cloud.warnings)
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces."""
+    text, rows = _Text.open(path, limits, weights), 0
+    for block in split_text(path, text.offset, text.layout.first_row + 1, limits):
+        cloud = text.read(block, limits, attributes=attributes)
+        rows += len(cloud.points)
+        yield cloud
+    text.check_counts(rows)
+    yield DecodedCloud(np.empty((0, 3)), "xyz", text.warnings(path))
+
+
+@dataclass(frozen=True, slots=True)
+class _Text:
+    """A table whose layout is known."""
+
+    head: list[str]
+    """Lines at the start of the file."""
+    layout: TextLayout
+    weights: str | None
+    """Column to keep with the points."""
+    cleaner: TableCleaner
+    """What reads unusual lines of the coordinates, and knows what was unusual."""
+    offset: int
+    """Byte of the first row."""
+
+    @classmethod
+    def open(cls, path: Path, limits: ReadLimits, weights: str | None) -> _Text:
+        """Find the layout by the first lines."""
+        head = read_head_lines(path, limits)
+        if any("\0" in line for line in head):
+            raise UnsupportedFileError("the text has zero bytes; expected UTF-8 or UTF-16")
+        layout = detect_layout(head)
+        if layout is None:
+            raise MalformedFileError(
+                f"line 1 to {len(head)}: no line of three numbers; expected one point a line"
+            )
+        if weights is not None and weights not in layout.others:
+            raise missing_attribute(weights, layout.others)
+        columns = layout.xyz + (layout.normals or ())
+        columns += () if weights is None else (layout.others[weights],)
+        cleaner = _make_cleaner(head, layout, columns)
+        offset = sum(len(line) + 1 for line in head[: layout.first_row])
+        return cls(head, layout, weights, cleaner, offset)
+
+    def read(self, block: TextBlock, limits: ReadLimits, *, attributes: bool) -> DecodedCloud:
+        """Read a block of the rows."""
+        table = _read_rows(block, self.cleaner, limits)
+        kept: dict[str, NDArray[np.generic]] = {}
+        warnings: tuple[str, ...] = ()
+        if attributes:
+            kept, warnings = _read_attributes(block, self.head, self.layout, limits)
+        if self.weights is not None:
+            kept[self.weights] = table[:, -1]
+        normals = table[:, 3:6] if self.layout.normals else None
+        return DecodedCloud(table[:, :3], "xyz", warnings, normals, attributes=kept)
+
+    def warnings(self, path: Path) -> tuple[str, ...]:
+        """Describe what was unusual about the rows that were read."""
+        warnings = tuple(dict.fromkeys(self.layout.warnings + self.cleaner.warnings()))
+        if ends_with_newline(path):
+            return warnings
+        return (*warnings, CUT_WARNING)
+
+    def check_counts(self, rows: int) -> None:
+        """Check that there are as many rows as are announced, as in PTS."""
+        announced = (self.layout.count or 0) + sum(self.cleaner.counts)
+        if self.layout.count is not None and rows < announced:
+            raise TruncatedFileError(f"the file has {rows} rows, but announces {announced}")
 
 
 def _read_attributes(
-    path: Path, lines: list[str], layout: TextLayout, limits: ReadLimits
+    block: TextBlock, lines: list[str], layout: TextLayout, limits: ReadLimits
 ) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
     """Read the columns beside the coordinates, and warn of those that hold no numbers."""
     fields = lines[layout.first_row].strip().split(layout.delimiter)
@@ -90,7 +149,8 @@ def _read_attributes(
     if not places:
         return {}, warnings
     try:
-        table, _ = _read_table(path, lines, layout, tuple(places.values()), limits)
+        cleaner = _make_cleaner(lines, layout, tuple(places.values()))
+        table = _read_rows(block, cleaner, limits)
     except CloudFileError as error:
         return {}, (f"the columns beside the coordinates are not kept: {error}",)
     if layout.others:
@@ -111,18 +171,12 @@ def _narrow(column: NDArray[np.generic]) -> NDArray[np.generic]:
     return whole.astype(np.int32) if fit else column
 
 
-def _read_table(
-    path: Path, lines: list[str], layout: TextLayout, columns: tuple[int, ...], limits: ReadLimits
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    offset = sum(len(line) + 1 for line in lines[: layout.first_row])
+def _make_cleaner(lines: list[str], layout: TextLayout, columns: tuple[int, ...]) -> TableCleaner:
     has_counts = layout.count is not None
     dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma, has_counts=has_counts)
     before = frozenset(line.strip() for line in lines[: layout.first_row]) - {""}
-    cleaner = TableCleaner(dialect, columns, headers=before)
-    table = read_columns(
-        path, offset, layout.first_row + 1, columns, limits, dialect=dialect, cleaner=cleaner
-    )
-    announced = (layout.count or 0) + sum(cleaner.counts)
-    if has_counts and len(table) < announced:
-        raise TruncatedFileError(f"the file has {len(table)} rows, but announces {announced}")
-    return table, tuple(dict.fromkeys(layout.warnings + cleaner.warnings()))
+    return TableCleaner(dialect, columns, headers=before)
+
+
+def _read_rows(block: TextBlock, cleaner: TableCleaner, limits: ReadLimits) -> NDArray[np.float64]:
+    return read_block(block, cleaner.columns, limits, dialect=cleaner.dialect, cleaner=cleaner)

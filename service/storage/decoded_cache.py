@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,9 @@ def decoded_path(data_dir: Path, tenant: str, sha256: str) -> Path:
     return data_dir / DIRECTORY / f"{sha256}-{tenant}-{version('mpe')}.npz"
 
 
-def load_or_decode(entry: Path, decode: Callable[[], DecodedCloud], scratch: Path) -> DecodedCloud:
+def load_or_decode(
+    entry: Path, decode: Callable[[], DecodedCloud], scratch: Path, max_points: int
+) -> DecodedCloud:
     """Return the cached cloud, or decode it and leave a new entry in the scratch folder.
 
     Parameters
@@ -30,17 +33,30 @@ def load_or_decode(entry: Path, decode: Callable[[], DecodedCloud], scratch: Pat
     entry : Path
         Path of the entry, see `decoded_path`.
     decode : callable
-        Returns the cloud when it is not cached; only points, format and warnings are kept.
+        Returns the cloud when it is not cached; points, rows, format and warnings are kept.
     scratch : Path
         Folder for the new entry, which has the same file name; see `DecodedCache.adopt`.
+    max_points : int
+        Points that the memory holds; an entry that was made under another limit is not used if it
+        has more, or was thinned.
     """
     with suppress(*_MISS), np.load(entry, allow_pickle=False) as arrays:
         header = json.loads(str(arrays["header"]))
-        return DecodedCloud(arrays["points"], header["format"], tuple(header["warnings"]))
+        fits = header["count"] <= max_points
+        if fits if "rows" not in arrays else header["max_points"] == max_points:
+            return DecodedCloud(
+                arrays["points"],
+                header["format"],
+                tuple(header["warnings"]),
+                rows=arrays.get("rows"),
+            )
     cloud = decode()
-    header = json.dumps({"format": cloud.format, "warnings": cloud.warnings})
+    header = {"format": cloud.format, "warnings": cloud.warnings}
+    header |= {"count": len(cloud.points), "max_points": max_points}
+    columns: dict[str, Any] = {"points": cloud.points}
+    columns |= {} if cloud.rows is None else {"rows": cloud.rows}
     with (scratch / entry.name).open("wb") as file:
-        np.savez(file, points=cloud.points, header=np.array(header))
+        np.savez(file, header=np.array(json.dumps(header)), **columns)
     return cloud
 
 

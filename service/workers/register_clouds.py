@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpe_core import RegistrationOptions
+from service.clouds.file_rows import in_file_rows
 from service.clouds.inputs import CloudInput
 from service.formats import CloudFileError, DecodedCloud, read_points
 from service.storage.blobs import blob_path
@@ -88,7 +89,10 @@ class RegisterClouds(Task):
         try:
             if is_cached_decoded(cloud):
                 decoded = load_or_decode(
-                    self._entry(cloud), lambda: read_points(path, limits), scratch
+                    self._entry(cloud),
+                    lambda: read_points(path, limits),
+                    scratch,
+                    limits.max_points,
                 )
             else:
                 decoded = read_points(path, limits, **cloud.reading)
@@ -104,7 +108,7 @@ class RegisterClouds(Task):
         from mpe_core import register
 
         numba.set_num_threads(min(self.environment.threads, numba.config.NUMBA_NUM_THREADS))
-        registration = register(
+        registration: Registration = register(
             source.points,
             target.points,
             RegistrationOptions(**self.options),
@@ -117,7 +121,7 @@ class RegisterClouds(Task):
         for stage, seconds in registration.timing.items():
             if stage != "total":
                 report.timing[f"{stage}_s"] = seconds
-        return registration
+        return replace(registration, inliers=in_file_rows(registration.inliers, source, target))
 
 
 def _write(registration: Registration, file_warnings: list[str], scratch: Path) -> None:

@@ -44,7 +44,9 @@ class TaskEnvironment:
     @property
     def read_limits(self) -> ReadLimits:
         """Bounds of what the task decodes."""
-        return ReadLimits(min_free_disk_bytes=self.min_free_disk_bytes)
+        return ReadLimits.within(
+            self.limits.memory_bytes, min_free_disk_bytes=self.min_free_disk_bytes
+        )
 
     @classmethod
     def create(cls, *, job_id: str, tenant: str, scratch: Path, settings: Settings) -> Self:

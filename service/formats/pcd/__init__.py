@@ -7,6 +7,8 @@ LZF.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +16,18 @@ from numpy.typing import NDArray
 
 from service.formats.column_names import find_normals, find_xyz
 from service.formats.column_types import restore_type
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
-from service.formats.errors import MalformedFileError, TruncatedFileError
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
+from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
 from service.formats.libraries import import_library
 from service.formats.memory_map import map_file
 from service.formats.numerals import significant_line
 from service.formats.pcd.header import PcdHeader, parse_header
-from service.formats.text_table import ends_with_newline, read_columns
+from service.formats.text_table import (
+    CUT_WARNING,
+    ends_with_newline,
+    iter_columns,
+    read_columns,
+)
 
 _FIRST_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
 _MAX_ATTRIBUTES = 400
@@ -44,6 +51,81 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     CloudFileError
         The file is malformed; the message names the line or byte.
     """
+    layout = _read_layout(path, limits, attributes=attributes)
+    header, fields = layout.header, layout.fields
+    if header.data == "ascii":
+        columns, warnings = _read_ascii(path, header, fields, limits)
+    elif header.data == "binary_compressed":
+        columns, warnings = _read_compressed(map_file(path), header, fields)
+    else:
+        columns, warnings = _read_binary(map_file(path), header, fields)
+    return replace(layout.to_cloud(columns), warnings=warnings)
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces.
+
+    Raises
+    ------
+    UnsupportedFileError
+        The points are compressed, all in one block.
+    """
+    layout = _read_layout(path, limits, attributes=attributes)
+    header, fields = layout.header, layout.fields
+    if header.data == "binary_compressed":
+        raise UnsupportedFileError(
+            f"{header.points} compressed points are too many for the memory allowed, and are "
+            "only expanded together: save them as DATA binary"
+        )
+    if header.data == "ascii":
+        columns = _text_columns(header, fields)
+        first = header.lines + 1
+        for table in iter_columns(path, header.size, first, columns, limits, rows=header.points):
+            yield layout.to_cloud(list(table.T))
+        return
+    row_bytes = header.row.itemsize
+    for rows in iter_ranges(header.points, row_bytes):
+        content = map_file(path, header.size + rows.start * row_bytes, len(rows) * row_bytes)
+        piece = replace(header, size=0, points=len(rows))
+        yield layout.to_cloud(_read_binary(content, piece, fields)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Which numbers of the file are read."""
+
+    header: PcdHeader
+    fields: tuple[tuple[int, int], ...]
+    """Index of the field, and which of its numbers: coordinates, normals, attributes."""
+    has_normals: bool
+    keeps_attributes: bool
+
+    def to_cloud(self, columns: list[NDArray[np.generic]]) -> DecodedCloud:
+        """Make a cloud of the numbers."""
+        header = self.header
+        places = tuple(place for place, _ in self.fields[:3])
+        dtype = _precision(header, places)
+        kept: dict[str, NDArray[np.generic]] = {}
+        if self.keeps_attributes:
+            kept = {
+                _field_name(header, place, part): restore_type(column, header.types[place][1:])
+                for (place, part), column in zip(self.fields[3:], columns[3:], strict=True)
+            }
+        normals = np.stack(columns[3:6], axis=1) if self.has_normals else None
+        return DecodedCloud(
+            np.stack(columns[:3], axis=1).astype(dtype, copy=False),
+            "pcd",
+            (),
+            None if normals is None else normals.astype(dtype, copy=False),
+            header.viewpoint,
+            kept,
+        )
+
+
+def _read_layout(path: Path, limits: ReadLimits, *, attributes: bool) -> _Layout:
+    """Read the header, and check its counts."""
     with path.open("rb") as file:
         header = parse_header(file.read(limits.max_header_bytes), limits)
     xyz, normals = find_xyz(header.fields), find_normals(header.fields)
@@ -61,27 +143,11 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
         fields += _other_fields(header, places)
     present = path.stat().st_size - header.size
     if header.data == "ascii":
-        row_bytes = 2 * sum(header.counts)
-        check_count(header.points, row_bytes, present + 1, "POINTS", limits)
-        columns, warnings = _read_ascii(path, header, fields, limits)
+        check_count(header.points, 2 * sum(header.counts), present + 1, "POINTS", limits)
     else:
         row_bytes = 1 if header.data == "binary_compressed" else header.row.itemsize
         check_count(header.points, row_bytes, present * _max_ratio(header), "POINTS", limits)
-        decode = _read_compressed if header.data == "binary_compressed" else _read_binary
-        columns, warnings = decode(map_file(path), header, fields)
-    dtype = _precision(header, xyz)
-    kept = {
-        _field_name(header, place, part): restore_type(column, header.types[place][1:])
-        for (place, part), column in zip(fields[3:], columns[3:], strict=True)
-    }
-    return DecodedCloud(
-        np.stack(columns[:3], axis=1).astype(dtype, copy=False),
-        "pcd",
-        warnings,
-        np.stack(columns[3:6], axis=1).astype(dtype, copy=False) if normals else None,
-        header.viewpoint,
-        kept if attributes else {},
-    )
+    return _Layout(header, fields, normals is not None, attributes)
 
 
 def _other_fields(header: PcdHeader, places: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
@@ -110,13 +176,15 @@ def _precision(header: PcdHeader, xyz: tuple[int, ...]) -> type[np.floating]:
 def _read_ascii(
     path: Path, header: PcdHeader, fields: tuple[tuple[int, int], ...], limits: ReadLimits
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
-    starts = np.concatenate(([0], np.cumsum(header.counts)))
-    columns = [int(starts[place]) + part for place, part in fields]
+    columns = _text_columns(header, fields)
     table = read_columns(path, header.size, header.lines + 1, columns, limits, rows=header.points)
-    ended = ends_with_newline(path)
-    return list(table.T), () if ended else (
-        "the last line has no line end: its last number may have been cut",
-    )
+    return list(table.T), () if ends_with_newline(path) else (CUT_WARNING,)
+
+
+def _text_columns(header: PcdHeader, fields: tuple[tuple[int, int], ...]) -> list[int]:
+    """Return the columns of the text that hold these numbers."""
+    starts = np.concatenate(([0], np.cumsum(header.counts)))
+    return [int(starts[place]) + part for place, part in fields]
 
 
 def _read_binary(

@@ -5,20 +5,27 @@ Only the element "vertex" is read; elements before it are skipped.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.column_types import restore_type
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
-from service.formats.errors import MalformedFileError, TruncatedFileError
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
+from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
 from service.formats.memory_map import map_file
 from service.formats.ply.faces import read_faces, skip_lines
 from service.formats.ply.header import PlyElement, PlyHeader, parse_header
 from service.formats.ply.rows import read_rows
 from service.formats.splat import WARNING as SPLAT_WARNING
-from service.formats.text_table import ends_with_newline, read_columns
+from service.formats.text_table import (
+    CUT_WARNING,
+    ends_with_newline,
+    iter_columns,
+    read_columns,
+)
 
 MAGIC = b"ply"
 _XYZ = ("x", "y", "z")
@@ -35,36 +42,100 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     CloudFileError
         The file is malformed; the message names the line or byte.
     """
-    with path.open("rb") as file:
-        head = file.read(limits.max_header_bytes)
-    header = parse_header(head, limits)
-    before, vertex, after = _split_at_vertex(header)
-    _check_sizes(header, path.stat().st_size, vertex, limits)
+    header, before, vertex, after = _read_header(path, limits)
     wanted = _select_properties(vertex, attributes=attributes)
-    faces: NDArray[np.int64] | None = None
     if header.order:
         table, warnings = _read_binary(path, header, before, vertex, after, wanted)
     else:
-        table, warnings = _read_ascii(path, header, before, vertex, wanted, limits)
+        offset, line, columns = _find_table(path, header, before, vertex, wanted, limits)
+        table = read_columns(path, offset, line, columns, limits, rows=vertex.count)
+        is_cut = vertex is header.elements[-1] and not ends_with_newline(path)
+        warnings = (CUT_WARNING,) if is_cut else ()
+    cloud = _to_cloud(table, vertex, wanted, attributes=attributes)
+    if not attributes:
+        return replace(cloud, warnings=warnings)
+    faces, more = read_faces(path, header, limits)
+    return replace(cloud, warnings=(*warnings, *more, *_warn_of_kinds(vertex)), faces=faces)
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces; faces are not kept.
+
+    Raises
+    ------
+    UnsupportedFileError
+        The vertices, or elements before them, have lists.
+    """
+    header, before, vertex, _ = _read_header(path, limits)
+    wanted = _select_properties(vertex, attributes=attributes)
+    for table in _iter_tables(path, header, before, vertex, wanted, limits):
+        yield _to_cloud(table, vertex, wanted, attributes=attributes)
+    if attributes:
+        others = [element.name[:40] for element in header.elements if element.name != "vertex"]
+        lost = f"elements that are not kept, because the file is large: {', '.join(others[:9])}"
+        warnings = (*_warn_of_kinds(vertex), *((lost,) if others else ()))
+        yield DecodedCloud(np.empty((0, 3)), "ply", warnings)
+
+
+def _read_header(
+    path: Path, limits: ReadLimits
+) -> tuple[PlyHeader, list[PlyElement], PlyElement, list[PlyElement]]:
+    """Read the header, and divide its elements at the vertices."""
+    with path.open("rb") as file:
+        header = parse_header(file.read(limits.max_header_bytes), limits)
+    before, vertex, after = _split_at_vertex(header)
+    _check_sizes(header, path.stat().st_size, vertex, limits)
+    return header, before, vertex, after
+
+
+def _to_cloud(
+    table: NDArray[np.generic], vertex: PlyElement, wanted: tuple[str, ...], *, attributes: bool
+) -> DecodedCloud:
     dtype = _coordinate_type(vertex)
     normals = table[:, 3:6].astype(dtype, copy=False) if _NORMALS[0] in wanted[3:4] else None
-    types = {item.name: item.type for item in vertex.properties}
-    kept = {name: restore_type(table[:, i], types[name]) for i, name in enumerate(wanted) if i > 2}
+    kept: dict[str, NDArray[np.generic]] = {}
     if attributes:
-        faces, more = read_faces(path, header, limits)
-        warnings += more
-        if {"f_dc_0", "rot_0"} <= set(kept):
-            warnings += (SPLAT_WARNING,)
-        lists = ", ".join(repr(item.name[:40]) for item in vertex.properties if item.count_type)
-        warnings += (f"lists of the vertices are not kept: {lists}",) if lists else ()
-    return DecodedCloud(
-        table[:, :3].astype(dtype, copy=False),
-        "ply",
-        warnings,
-        normals,
-        attributes=kept if attributes else {},
-        faces=faces,
-    )
+        types = {item.name: item.type for item in vertex.properties}
+        named = enumerate(wanted[3:], 3)
+        kept = {name: restore_type(table[:, i], types[name]) for i, name in named}
+    points = table[:, :3].astype(dtype, copy=False)
+    return DecodedCloud(points, "ply", (), normals, attributes=kept)
+
+
+def _warn_of_kinds(vertex: PlyElement) -> tuple[str, ...]:
+    """Warn of Gaussian splats, and of lists, which are not kept."""
+    names = {item.name for item in vertex.properties}
+    warnings = (SPLAT_WARNING,) if {"f_dc_0", "rot_0"} <= names else ()
+    lists = ", ".join(repr(item.name[:40]) for item in vertex.properties if item.count_type)
+    return (*warnings, f"lists of the vertices are not kept: {lists}") if lists else warnings
+
+
+def _iter_tables(
+    path: Path,
+    header: PlyHeader,
+    before: list[PlyElement],
+    vertex: PlyElement,
+    wanted: tuple[str, ...],
+    limits: ReadLimits,
+) -> Iterator[NDArray[np.generic]]:
+    """Yield the wanted properties of consecutive vertices."""
+    if any(element.has_lists for element in (*before, vertex)):
+        raise UnsupportedFileError(
+            f"{vertex.count} vertices with lists, or behind lists, are too many for the memory "
+            "allowed: save the vertices first, and without lists"
+        )
+    if not header.order:
+        offset, line, columns = _find_table(path, header, before, vertex, wanted, limits)
+        yield from iter_columns(path, offset, line, columns, limits, rows=vertex.count)
+        return
+    start = header.size + sum(item.count * item.min_row_bytes(header.order) for item in before)
+    row_bytes = vertex.min_row_bytes(header.order)
+    for rows in iter_ranges(vertex.count, row_bytes):
+        content = map_file(path, start + rows.start * row_bytes, len(rows) * row_bytes)
+        piece = replace(vertex, count=len(rows))
+        yield read_rows(content, 0, piece, header.order, wanted)[0]
 
 
 def _split_at_vertex(header: PlyHeader) -> tuple[list[PlyElement], PlyElement, list[PlyElement]]:
@@ -127,14 +198,15 @@ def _read_binary(
     return table, warnings
 
 
-def _read_ascii(
+def _find_table(
     path: Path,
     header: PlyHeader,
     before: list[PlyElement],
     vertex: PlyElement,
     wanted: tuple[str, ...],
     limits: ReadLimits,
-) -> tuple[NDArray[np.floating], tuple[str, ...]]:
+) -> tuple[int, int, list[int]]:
+    """Return byte and number of the first line of the vertices, and the columns wanted."""
     names = [item.name for item in vertex.properties]
     columns = [names.index(name) for name in wanted]
     if any(item.count_type for item in vertex.properties[: max(columns)]):
@@ -144,12 +216,7 @@ def _read_ascii(
         )
     skipped = sum(element.count for element in before)
     offset = skip_lines(path, header.size, skipped, header.lines, limits)
-    first = header.lines + skipped + 1
-    table = read_columns(path, offset, first, columns, limits, rows=vertex.count)
-    warnings: tuple[str, ...] = ()
-    if vertex is header.elements[-1] and not ends_with_newline(path):
-        warnings = ("the last line has no line end: its last number may have been cut",)
-    return table, warnings
+    return offset, header.lines + skipped + 1, columns
 
 
 def _coordinate_type(vertex: PlyElement) -> np.dtype[np.floating]:

@@ -30,7 +30,7 @@ def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
         return DecodedCloud(POINTS, "ply", ("odd",))
 
     for tenant in tenants:
-        cloud = load_or_decode(decoded_path(scratch.parent, tenant, HASH), decode, scratch)
+        cloud = load_or_decode(decoded_path(scratch.parent, tenant, HASH), decode, scratch, 100)
         prepared.adopt(tenant, HASH, scratch)
         np.testing.assert_array_equal(cloud.points, POINTS)
         assert (cloud.format, cloud.warnings) == ("ply", ("odd",))

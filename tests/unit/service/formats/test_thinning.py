@@ -1,0 +1,149 @@
+"""Files of more points than the limit are thinned while they are read in pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.formats import (
+    DecodedCloud,
+    FileLimitError,
+    MissingAttributeError,
+    ReadLimits,
+    decoded_cloud,
+    read_pieces,
+    read_points,
+    text_table,
+    write_cloud,
+)
+from service.formats.thinning import thin_pieces
+
+COUNT, LIMIT = 3000, 500
+LIMITS = ReadLimits(max_points=LIMIT)
+
+
+def scene(count: int = COUNT) -> DecodedCloud:
+    rng = np.random.default_rng(3)
+    points = rng.normal(0, [30, 20, 2], (count, 3)).round(3)
+    intensity = rng.integers(0, 200, count).astype(np.float32)
+    return DecodedCloud(points, "ply", attributes={"intensity": intensity})
+
+
+def cut(cloud: DecodedCloud, places: list[int]) -> Iterator[DecodedCloud]:
+    for start, end in pairwise([0, *places, len(cloud.points)]):
+        kept = {name: column[start:end] for name, column in cloud.attributes.items()}
+        yield DecodedCloud(cloud.points[start:end], "ply", attributes=kept)
+
+
+def test_the_pieces_do_not_matter() -> None:
+    cloud = scene()
+    cloud.points[7] = np.nan
+    thinned = [
+        thin_pieces(cut(cloud, places), LIMIT, "intensity")
+        for places in ([], [1, 2, 3, 499, 500, 501, 502], [1500], list(range(0, COUNT, 41)))
+    ]
+    first = thinned[0]
+    assert first.rows is not None
+    assert LIMIT / 8 < len(first.points) <= LIMIT
+    assert 7 not in first.rows
+    for each in thinned:
+        np.testing.assert_array_equal(each.points, cloud.points[first.rows])
+        np.testing.assert_array_equal(
+            each.attributes["intensity"], cloud.attributes["intensity"][first.rows]
+        )
+        np.testing.assert_array_equal(each.rows, first.rows)
+
+
+def test_each_cube_keeps_its_first_point() -> None:
+    cloud = scene()
+    thinned = thin_pieces(cut(cloud, [1000]), LIMIT)
+    assert thinned.rows is not None
+    (warning,) = thinned.warnings
+    edge = next(2.0**k for k in range(-9, 9) if f"edge {2.0**k:.3g}:" in warning)
+    cells = np.floor(cloud.points / edge)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    np.testing.assert_array_equal(np.sort(first), thinned.rows)
+
+
+@pytest.mark.parametrize("far", [1e30, 1e300])
+def test_far_points_and_copies_are_bounded(far: float) -> None:
+    points = np.tile(scene(50).points, (40, 1))
+    points[::7] *= far
+    thinned = thin_pieces(cut(DecodedCloud(points, "ply"), [900]), 60)
+    assert 0 < len(thinned.points) <= 60
+
+
+def test_missing_weights_are_named() -> None:
+    with pytest.raises(MissingAttributeError, match="intensity"):
+        thin_pieces(cut(scene(), [100]), LIMIT, "density")
+
+
+def ascii_pcd(path: Path, cloud: DecodedCloud) -> None:
+    header = f"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nWIDTH {COUNT}\nHEIGHT 1\nDATA ascii\n"
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in cloud.points.tolist())
+    path.write_text(header + rows)
+
+
+def ascii_ply(path: Path, cloud: DecodedCloud) -> None:
+    header = f"ply\nformat ascii 1.0\nelement vertex {COUNT}\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz") + "end_header\n"
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in cloud.points.tolist())
+    path.write_text(header + rows)
+
+
+def raw_rows(path: Path, cloud: DecodedCloud) -> None:
+    columns = [*cloud.points.T, cloud.attributes["intensity"]]
+    path.write_bytes(np.stack(columns, axis=1).astype("<f4").tobytes())
+
+
+MAKERS = dict.fromkeys(("ply", "pcd", "las", "laz", "e57", "xyz", "csv"))
+OTHERS = {"ascii pcd": ascii_pcd, "ascii ply": ascii_ply, "kitti": raw_rows}
+
+
+@pytest.mark.parametrize("name", [*MAKERS, *OTHERS])
+def test_a_large_file_is_thinned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(decoded_cloud, "PIECE_BYTES", 5000)
+    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 5000)
+    path = tmp_path / "cloud"
+    if name in MAKERS:
+        write_cloud(path, name, scene())
+    else:
+        OTHERS[name](path, scene())
+    format = "kitti" if name == "kitti" else None
+    whole = read_points(path, format=format, attributes=True)
+    thinned = read_points(path, LIMITS, format=format)
+    assert thinned.rows is not None
+    assert len(thinned.points) <= LIMIT
+    assert thinned.format == whole.format
+    np.testing.assert_array_equal(thinned.points, whole.points[thinned.rows])
+    assert thinned.points.dtype == whole.points.dtype
+    pieces = [p for p in read_pieces(path, LIMITS, format=format, attributes=True) if len(p.points)]
+    np.testing.assert_array_equal(np.concatenate([p.points for p in pieces]), whole.points)
+    for key, column in whole.attributes.items():
+        np.testing.assert_array_equal(np.concatenate([p.attributes[key] for p in pieces]), column)
+    if whole.attributes:
+        weighted = read_points(path, LIMITS, format=format, weights="intensity")
+        np.testing.assert_array_equal(weighted.weights, whole.attributes["intensity"][thinned.rows])
+
+
+def test_what_is_read_whole_says_what_may_be_larger(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "cloud", "obj", scene())
+    with pytest.raises(FileLimitError, match="ply, pcd, las, e57"):
+        read_points(tmp_path / "cloud", LIMITS)
+
+
+def test_errors_of_later_pieces_name_their_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 1000)
+    lines = [f"{i} {i * i % 7} 1.5" for i in range(2000)]
+    lines[1500] = "1 2 what"
+    (tmp_path / "cloud").write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match="line 1501: 'what'"):
+        read_points(tmp_path / "cloud", LIMITS)
