@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,17 +20,18 @@ from service.cli.align_arguments import (
 from service.cli.backup import add_backup, back_up, check, restore
 from service.cli.exit_codes import EXIT_ERROR, EXIT_OK, EXIT_USAGE
 from service.cli.keys import add_keys, run
+from service.clouds.aligned import write_aligned
 from service.clouds.file_rows import in_file_rows
 from service.clouds.inputs import CLOUD_ROLES
-from service.clouds.transform import adopt_crs, transform_cloud
 from service.formats import (
     WRITERS,
     CloudFileError,
     DecodedCloud,
     ReadLimits,
     UnsupportedFileError,
+    read_crs,
+    read_pieces,
     read_points,
-    write_cloud,
 )
 from service.problems import NotReadyError
 from service.schemas import Reading
@@ -101,10 +102,18 @@ def _align(arguments: argparse.Namespace) -> int:
         registration = replace(registration, inliers=inliers)
         written: tuple[str, ...] = ()
         if arguments.output:
-            cloud = transform_cloud(source, registration.T_target_source)
-            cloud = adopt_crs(cloud, target.crs)
-            lost = cloud.warnings[len(source.warnings) :]
-            written = lost + write_cloud(arguments.output, output_format, cloud)
+            told = {*source.warnings, *target.warnings}
+            written = tuple(
+                text
+                for text in write_aligned(
+                    arguments.output,
+                    output_format,
+                    registration.T_target_source,
+                    read_crs(arguments.target),
+                    lambda: _pieces(source, arguments),
+                )
+                if text not in told
+            )
     except (RegistrationError, CloudFileError) as error:
         return _fail(str(error), EXIT_ERROR)
     except OSError as error:
@@ -131,6 +140,14 @@ def _read(role: str, arguments: argparse.Namespace) -> DecodedCloud:
         return read_points(path, _read_limits(), **reading, attributes=bool(arguments.output))
     except CloudFileError as error:
         raise type(error)(f"{path}: {error}") from error
+
+
+def _pieces(source: DecodedCloud, arguments: argparse.Namespace) -> Iterator[DecodedCloud]:
+    """Yield the source, which is read again where it was thinned."""
+    if source.rows is None:
+        return iter([source])
+    reading = {name: getattr(arguments, f"source_{name}") for name in Reading.model_fields}
+    return read_pieces(arguments.source, _read_limits(), **reading, attributes=True)
 
 
 def _read_limits() -> ReadLimits:

@@ -21,7 +21,7 @@ from service.formats.errors import (
 from service.formats.las_metadata import LasMetadata, LasRecord
 from service.formats.read import read_crs, read_pieces, read_points, sniff, sniff_file
 from service.formats.registry import FORMATS, Format
-from service.formats.writers import WRITERS, write_cloud, write_ply
+from service.formats.writers import WRITERS, write_cloud, write_pieces, write_ply
 
 __all__ = [
     "FORMATS",
@@ -46,5 +46,6 @@ __all__ = [
     "sniff",
     "sniff_file",
     "write_cloud",
+    "write_pieces",
     "write_ply",
 ]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from service.clouds.aligned import write_aligned
 from service.clouds.inputs import CloudInput
-from service.clouds.transform import adopt_crs, merge_clouds, transform_cloud
-from service.formats import DecodedCloud, read_crs, read_points, write_cloud
+from service.formats import DecodedCloud, read_crs, read_pieces
 from service.storage.blobs import blob_path
 from service.workers.messages import MAX_WARNINGS, Exported, clip
 from service.workers.progress import ProgressReport
@@ -48,18 +50,19 @@ class ExportAligned(Task):
         CloudFileError
             A file cannot be read with its attributes.
         """
-        cloud = transform_cloud(self._decode(self.source), np.array(self.transform))
-        if self.is_merged:
-            cloud = merge_clouds(cloud, self._decode(self.target))
-        crs = read_crs(self._path(self.target), self.environment.read_limits)
-        cloud = adopt_crs(cloud, crs)
-        written = write_cloud(self.output, self.format, cloud)
-        warnings = [clip(text) for text in dict.fromkeys(cloud.warnings + written)]
-        return Exported(warnings[:MAX_WARNINGS])
+        warnings = write_aligned(
+            self.output,
+            self.format,
+            np.array(self.transform),
+            read_crs(self._path(self.target), self.environment.read_limits),
+            partial(self._read, self.source),
+            partial(self._read, self.target) if self.is_merged else None,
+        )
+        return Exported([clip(text) for text in dict.fromkeys(warnings)][:MAX_WARNINGS])
 
-    def _decode(self, cloud: CloudInput) -> DecodedCloud:
+    def _read(self, cloud: CloudInput) -> Iterator[DecodedCloud]:
         limits = self.environment.read_limits
-        return read_points(self._path(cloud), limits, **cloud.reading, attributes=True)
+        return read_pieces(self._path(cloud), limits, **cloud.reading, attributes=True)
 
     def _path(self, cloud: CloudInput) -> Path:
         assert cloud.sha256 is not None  # noqa: S101

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from service.formats.writers.las_dimensions import (
     place_column,
 )
 from service.formats.writers.outgoing import Columns, Outgoing
+from service.formats.writers.row_format import Append
 
 _LAS_STEPS = 2_000_000_000
 """Steps of the scale across the extent; LAS stores 32-bit counts of it."""
@@ -42,6 +46,50 @@ def write(path: Path, cloud: Outgoing, *, is_compressed: bool) -> None:
     MissingLibraryError
         laspy is not installed.
     """
+    encoded = _encode(cloud)
+    with _open(path, encoded.header, is_compressed=is_compressed) as file:
+        file.write_points(encoded.to_record(len(cloud.points)))
+
+
+@contextmanager
+def open_pieces(
+    path: Path, model: Outgoing, count: int, *, is_compressed: bool
+) -> Iterator[Append]:
+    """Begin a file whose columns have the ranges of the model's; see `RowFormat.open`."""
+    header = _encode(model).header
+    with _open(path, header, is_compressed=is_compressed) as file:
+
+        def append(cloud: Outgoing, surplus: int) -> None:
+            encoded = replace(_encode(cloud), header=header)
+            file.write_points(encoded.to_record(len(cloud.points) - surplus))
+
+        yield append
+
+
+@dataclass(frozen=True, slots=True)
+class _Encoded:
+    """Header and columns of a file."""
+
+    header: Any
+    cloud: Outgoing
+    standard: Columns
+    """Dimensions of the point format."""
+    extra: Columns
+    """Dimensions in extra bytes."""
+
+    def to_record(self, count: int) -> Any:
+        """Return the first points as laspy writes them."""
+        laspy = import_library("laspy")
+        record = laspy.ScaleAwarePointRecord.zeros(count, header=self.header)
+        record.x, record.y, record.z = self.cloud.points[:count].T.astype(np.float64)
+        for name, column in self.standard.items():
+            record[name] = column[:count]
+        for name, column in self.extra.items():
+            record.array[name] = column[:count]
+        return record
+
+
+def _encode(cloud: Outgoing) -> _Encoded:
     laspy = import_library("laspy")
     cloud.drop_faces()
     cloud.drop_non_finite()
@@ -56,14 +104,13 @@ def write(path: Path, cloud: Outgoing, *, is_compressed: bool) -> None:
             for name, column in extra.items()
         ]
     )
-    data = laspy.LasData(header)
-    data.x, data.y, data.z = cloud.points.T.astype(np.float64)
-    for name, column in standard.items():
-        data[name] = column
-    for name, column in extra.items():
-        data.points.array[name] = column
-    with path.open("wb") as file:
-        data.write(file, do_compress=is_compressed, laz_backend=laspy.LazBackend.Lazrs)
+    return _Encoded(header, cloud, standard, extra)
+
+
+def _open(path: Path, header: Any, *, is_compressed: bool) -> Any:
+    laspy = import_library("laspy")
+    backend = laspy.LazBackend.Lazrs
+    return laspy.open(path, "w", header=header, do_compress=is_compressed, laz_backend=backend)
 
 
 def _make_header(laspy: Any, cloud: Outgoing) -> Any:

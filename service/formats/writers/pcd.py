@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +10,15 @@ from numpy.typing import NDArray
 from service.formats.colors import RGB, pack_colors
 from service.formats.column_names import find_normals
 from service.formats.writers.outgoing import Columns, Outgoing, to_rows
+from service.formats.writers.row_format import RowFormat
 
 _NORMALS = ("normal_x", "normal_y", "normal_z")
 _FORBIDDEN = re.compile(r"[\s\x00-\x1f\x7f]|^_$")
 _UNMOVED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
-def write(path: Path, cloud: Outgoing) -> None:
-    """Write a binary PCD file; coordinates in float32, which is all that PCL and Open3D read."""
+def _encode(cloud: Outgoing) -> NDArray[np.void]:
+    """Return the rows; coordinates in float32, which is all that PCL and Open3D read."""
     cloud.drop_faces()
     cloud.use_float32()
     cloud.use_8_bit_colors()
@@ -29,13 +29,10 @@ def write(path: Path, cloud: Outgoing) -> None:
     if intensity is not None and (intensity.astype(np.float32) == intensity).all():
         cloud.columns["intensity"] = intensity.astype(np.float32)  # PCL's type of it
     cloud.rename(_FORBIDDEN)
-    rows = to_rows(cloud.points, cloud.columns)
-    with path.open("wb") as file:
-        file.write(_header(rows, cloud.viewpoint or _UNMOVED).encode())
-        file.write(rows.tobytes())
+    return to_rows(cloud.points, cloud.columns)
 
 
-def _header(rows: NDArray[np.void], viewpoint: tuple[float, ...]) -> str:
+def _header(cloud: Outgoing, rows: NDArray[np.void], count: int) -> bytes:
     names = rows.dtype.names or ()
     codes = [rows[name].dtype.str[1:].upper() for name in names]
     lines = [
@@ -45,13 +42,13 @@ def _header(rows: NDArray[np.void], viewpoint: tuple[float, ...]) -> str:
         f"SIZE {' '.join(code[1] for code in codes)}",
         f"TYPE {' '.join(code[0] for code in codes)}",
         f"COUNT {' '.join('1' for _ in codes)}",
-        f"WIDTH {len(rows)}",
+        f"WIDTH {count}",
         "HEIGHT 1",
-        f"VIEWPOINT {' '.join(f'{value:.17g}' for value in viewpoint)}",
-        f"POINTS {len(rows)}",
+        f"VIEWPOINT {' '.join(f'{value:.17g}' for value in cloud.viewpoint or _UNMOVED)}",
+        f"POINTS {count}",
         "DATA binary\n",
     ]
-    return "\n".join(lines)
+    return "\n".join(lines).encode()
 
 
 def _rename_normals(columns: Columns) -> Columns:
@@ -61,3 +58,6 @@ def _rename_normals(columns: Columns) -> Columns:
         return columns
     new = dict(zip((names[i] for i in places), _NORMALS, strict=True))
     return {new.get(name, name): column for name, column in columns.items()}
+
+
+PCD = RowFormat(_encode, _header)

@@ -3,33 +3,45 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.writers.outgoing import Outgoing
+from service.formats.writers.outgoing import Outgoing, to_rows
+from service.formats.writers.row_format import RowFormat
 
 _FORBIDDEN = re.compile(r"[\s\x00-\x1f\x7f,;\"'#]")
 _BLOCK_ROWS = 100_000
 """Rows that are turned into text at once, to bound the memory."""
 
 
-def write(path: Path, cloud: Outgoing, *, delimiter: str, mark: str) -> None:
-    """Write the coordinates and attributes, under a line of names that begins with `mark`.
+def text_format(delimiter: str, mark: str) -> RowFormat:
+    """Return the format of text whose line of names begins with `mark`.
 
     Without attributes and mark, in XYZ, there is no line of names: readers expect three numbers.
     """
+
+    def header(cloud: Outgoing, _: NDArray[Any], __: int) -> bytes:
+        if mark and not cloud.columns:
+            return b""
+        return (mark + delimiter.join(["x", "y", "z", *cloud.columns]) + "\n").encode()
+
+    def body(rows: NDArray[Any]) -> Iterator[bytes]:
+        for start in range(0, len(rows), _BLOCK_ROWS):
+            block = rows[start : start + _BLOCK_ROWS]
+            words = [_to_words(block[name]) for name in block.dtype.names or ()]
+            lines = (delimiter.join(row) + "\n" for row in zip(*words, strict=True))
+            yield "".join(lines).encode()
+
+    return RowFormat(_encode, header, body)
+
+
+def _encode(cloud: Outgoing) -> NDArray[np.void]:
     cloud.drop_faces()
     cloud.rename(_FORBIDDEN)
-    columns = [*cloud.points.T, *cloud.columns.values()]
-    with path.open("w", encoding="utf8", newline="\n") as file:
-        if cloud.columns or not mark:
-            file.write(mark + delimiter.join(["x", "y", "z", *cloud.columns]) + "\n")
-        for start in range(0, len(cloud.points), _BLOCK_ROWS):
-            words = [_to_words(column[start : start + _BLOCK_ROWS]) for column in columns]
-            file.writelines(delimiter.join(row) + "\n" for row in zip(*words, strict=True))
+    return to_rows(cloud.points, cloud.columns)
 
 
 def _to_words(column: NDArray[Any]) -> list[str]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from service.formats import (
     read_crs,
     read_points,
     write_cloud,
+    write_pieces,
     write_ply,
 )
 from service.formats.colors import find_colors
@@ -92,6 +95,35 @@ def test_faces_survive_every_pair_of_meshes(tmp_path: Path, first: str, second: 
         assert found.faces is not None
         shifted = found.points[found.faces] + cloud.points[0]
         np.testing.assert_allclose(shifted, corners, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("format", [name for name, writer in WRITERS.items() if writer.open])
+def test_pieces_make_the_same_file(tmp_path: Path, format: str) -> None:
+    cloud = replace(rich_cloud(), faces=None)
+    cloud.points[:, 0].sort()
+    whole = written(tmp_path, format, cloud)
+    notes = write_pieces(tmp_path / "b", format, lambda: cut(cloud, [1, 2, COUNT // 2]))
+    pieces = read_points(tmp_path / "b", attributes=True)
+    np.testing.assert_array_equal(pieces.points, whole[0].points)
+    assert list(pieces.attributes) == list(whole[0].attributes)
+    for name, column in whole[0].attributes.items():
+        np.testing.assert_array_equal(pieces.attributes[name], column, err_msg=name)
+    assert {re.sub(r"0[.]\d+", "", note) for note in whole[1]} == {
+        re.sub(r"0[.]\d+", "", note) for note in notes
+    }
+    if format not in ("las", "laz"):  # these hold the time
+        assert (tmp_path / "b").read_bytes() == (tmp_path / f"a.{format}").read_bytes()
+
+
+def cut(cloud: DecodedCloud, places: list[int]) -> Iterator[DecodedCloud]:
+    for start, end in pairwise([0, *places, len(cloud.points)]):
+        kept = {name: column[start:end] for name, column in cloud.attributes.items()}
+        yield replace(cloud, points=cloud.points[start:end], attributes=kept)
+
+
+def test_pieces_are_refused_where_a_format_is_written_whole(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedFileError, match="write one of ply, pcd, las, laz"):
+        write_pieces(tmp_path / "a.glb", "glb", lambda: iter([rich_cloud()]))
 
 
 def test_glb_keeps_places_far_from_zero(tmp_path: Path) -> None:
