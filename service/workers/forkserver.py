@@ -10,7 +10,7 @@ import pye57  # noqa: F401
 import trimesh.sample  # noqa: F401
 
 from mpe_core import register  # noqa: F401
-from mpe_core.kernels import decimal_rows  # noqa: F401
+from mpe_core.kernels import cell_filter, decimal_rows  # noqa: F401
 from service.schemas import serialize_result  # noqa: F401
 from service.telemetry.json_logs import configure_logs
 from service.workers import child_main, export_aligned, fetch_inputs, register_clouds  # noqa: F401
