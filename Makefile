@@ -9,7 +9,7 @@ PORT ?= 8000
 FUZZ_SECONDS ?= 300
 SOAK_SECONDS ?= 3600
 
-.PHONY: help setup run demo test chaos soak check format openapi lock bench paper peers fuzz clean
+.PHONY: help setup run demo test coverage chaos soak check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -36,9 +36,16 @@ run: setup  ## serve on HOST:PORT (127.0.0.1:8000)
 demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TARGET=b.ply
 	$(PY) -m benchmarks.demo $(if $(SOURCE),--source "$(SOURCE)") $(if $(TARGET),--target "$(TARGET)")
 
-test: setup  ## all tests, with the coverage of both packages
+test: setup  ## all tests
 	@tools/install_system_packages $(TEST_PACKAGES)
-	$(PY) -m pytest --cov --numprocesses auto --dist loadfile
+	$(PY) -m pytest $(IN_PARALLEL)
+
+coverage: setup  ## all tests, with the coverage of both packages
+	@tools/install_system_packages $(TEST_PACKAGES)
+	$(PY) -m pytest --cov $(IN_PARALLEL)
+
+# one process more than cores, because many tests wait; e2e first, small unit tests fill the end
+IN_PARALLEL = --numprocesses $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 
 chaos: setup  ## 300 jobs while the server is killed, suspended and its clock set, 25 times
 	$(PY) -m tests.e2e.chaos

@@ -78,7 +78,3 @@ def test_overlap_of_a_few_is_at_their_poses(data, composed, listed):
         tree, T = KDTree(target), np.array(pair["T_target_source"])
         assert overlap(apply(T, source), tree, radius[pair["suite"]]) == pair["overlap"]
         assert overlap(apply(inverse(T), source), tree, radius[pair["suite"]]) < pair["overlap"]
-
-
-def test_the_same_ones_each_time(composed):
-    assert composed_pairs() == composed

@@ -8,7 +8,7 @@ import pytest
 
 from tests.fuzz import api
 
-EXAMPLES = "10"
+EXAMPLES = "4"
 """For each operation and phase, beside those at the bounds of the schema; `make fuzz` goes on."""
 
 

@@ -9,15 +9,23 @@ import httpx
 import pytest
 
 from tests.factories.cloud_files import seeds
-from tests.factories.hostile_files import corpus
+from tests.factories.hostile_files import HUGE, LIES, corpus
 from tests.factories.server import Server
 
 TWO_POINTS = b"0 0 0\n1 1 1\n"  # no target to register to: what decodes fails there, in no time
 CLIENTS = 8
+EVERY = 10
+"""One of so many damaged files is posted; unit tests read every one of them."""
+
+
+def chosen() -> list[tuple[str, bytes]]:
+    """Each tenth of the files that chance has damaged, and all that were made by hand."""
+    files = list(corpus())
+    by_chance = [file for file in files if file[0] not in LIES | HUGE]
+    return by_chance[::EVERY] + files[len(by_chance) :]
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_every_hostile_file_is_answered_with_a_reason(server: Server) -> None:
     def post(case: tuple[str, bytes]) -> tuple[str, httpx.Response]:
         name, content = case
@@ -27,13 +35,13 @@ def test_every_hostile_file_is_answered_with_a_reason(server: Server) -> None:
 
     reasons: Counter[str] = Counter()
     with ThreadPoolExecutor(CLIENTS) as clients:
-        for name, answer in clients.map(post, corpus()):
+        for name, answer in clients.map(post, chosen()):
             problem = answer.json()
             assert answer.status_code in (400, 413, 415, 422), (name, problem.get("error"), problem)
             assert answer.headers["content-type"].startswith("application/problem+json"), name
             assert any(word in problem["detail"] for word in ("source", "target")), (name, problem)
             reasons[problem["type"]] += 1
-    assert reasons.total() >= 2000
+    assert reasons.total() >= 250
     assert len(reasons) >= 4, reasons  # each kind of damage has its own type
     assert server.client.get("/readyz").status_code == 200
     good = seeds()["xyz"]

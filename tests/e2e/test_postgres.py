@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 from tests.e2e.test_events import follow
@@ -106,6 +105,23 @@ def test_cancel_ends_the_worker(server: Server) -> None:
     until(lambda: not list((server.data_dir / "scratch").iterdir()))
 
 
+def test_a_service_that_starts_takes_nothing_from_another(
+    server: Server, settings: dict[str, object]
+) -> None:
+    """Before the file's jobs that go on by themselves: the only worker is the one of this job."""
+    until(lambda: not workers(server))
+    job_id = server.submit(*slow_pair(), options=SLOW).json()["id"]
+    (worker,) = until(lambda: workers(server))
+    with beside(server, settings) as second:
+        job = second.client.get(f"{JOBS}/{job_id}").json()
+        assert (job["status"], job["attempt"]) == ("running", 1)
+        assert worker.is_running()
+        assert list((server.data_dir / "scratch").iterdir())
+        assert second.client.delete(f"{JOBS}/{job_id}").json()["status"] == "cancelled"
+        worker.wait(timeout=60)
+        assert status(server, job_id) == "cancelled"
+
+
 def test_callbacks_come(server: Server, receiver: Receiver) -> None:
     receiver.refusals = 1
     job = server.submit(CLOUD, CLOUD, callback_url=receiver.url, options='{"seed": 9}').json()
@@ -156,28 +172,6 @@ def _registered(server: Server) -> float:
         if line.startswith("mpe_confidence_count"):
             return float(line.split()[1])
     return 0.0
-
-
-def test_a_service_that_starts_takes_nothing_from_another(
-    server: Server, settings: dict[str, object]
-) -> None:
-    job_id = server.submit(*slow_pair(), options=SLOW).json()["id"]
-    until(lambda: status(server, job_id) == "running")
-    worker = until(lambda: _settled_worker(server))
-    with beside(server, settings) as second:
-        job = second.client.get(f"{JOBS}/{job_id}").json()
-        assert (job["status"], job["attempt"]) == ("running", 1)
-        assert worker.is_running()
-        assert list((server.data_dir / "scratch").iterdir())
-        assert second.client.delete(f"{JOBS}/{job_id}").json()["status"] == "cancelled"
-        worker.wait(timeout=60)
-        assert status(server, job_id) == "cancelled"
-
-
-def _settled_worker(server: Server) -> psutil.Process | None:
-    """The one worker, once it has computed for a while: that of the former job is gone then."""
-    found = [worker for worker in workers(server) if sum(worker.cpu_times()[:2]) > 0.5]
-    return found[0] if len(found) == 1 else None
 
 
 def test_it_goes_on_when_the_database_comes_back(postgres: Postgres, tmp_path: Path) -> None:

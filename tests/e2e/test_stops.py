@@ -20,9 +20,11 @@ from tests.factories.waiting import until
 CLOUD = as_npy(arms(1))
 
 
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    with running_server(tmp_path, workers=1, shutdown_grace_s=60) as running:
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Each test leaves it running, with nothing to do."""
+    directory = tmp_path_factory.mktemp("stops")
+    with running_server(directory, workers=1, shutdown_grace_s=60) as running:
         yield running
 
 

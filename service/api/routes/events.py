@@ -12,7 +12,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import CurrentRuntime, RequestedJob
-from service.jobs.model import JobRow, is_terminal
+from service.jobs.model import JobEvent, JobRow, is_terminal
 from service.problems import NotReadyError
 from service.schemas import Event
 from service.schemas.base import MAX_EXACT_INTEGER
@@ -46,17 +46,26 @@ async def stream_events(
     ):
         while True:
             changed.clear()
-            events = await run_in_threadpool(runtime.jobs.events, job.tenant, job.id, after=last)
+            events, is_over = await run_in_threadpool(_look, runtime, job, last)
             for event in events:
                 last = event.number
                 data = Event.model_validate(event)
                 yield ServerSentEvent(id=str(last), event="progress", data=data)
                 if is_terminal(event.status):
                     return
-            if not events and await run_in_threadpool(_is_over, runtime, job):
-                return  # deleted, or the service stops
+            if is_over:
+                return  # the end was sent before, the registration is deleted, or the service stops
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(changed.wait(), runtime.database.poll_interval_s)
+
+
+def _look(runtime: CurrentRuntime, job: JobRow, last: int) -> tuple[list[JobEvent], bool]:
+    """Return the events after the last one, and whether none follows them.
+
+    The end is asked for first: one that comes in between is among the events then.
+    """
+    is_over = _is_over(runtime, job)
+    return runtime.jobs.events(job.tenant, job.id, after=last), is_over
 
 
 def _is_over(runtime: CurrentRuntime, job: JobRow) -> bool:

@@ -1,5 +1,7 @@
 """Progress by stage, and leaving when the callback says so."""
 
+from dataclasses import replace
+
 import pytest
 
 from mpe_core import RegistrationOptions, register
@@ -13,7 +15,8 @@ class CancelledError(Exception):
 
 @pytest.fixture(scope="module")
 def trial(data):
-    return real_pair(data, "dragon_24_0", largest_deg=60)
+    pair = real_pair(data, "dragon_24_0", largest_deg=60)
+    return replace(pair, source=pair.source[::3], target=pair.target[::3])
 
 
 def reports(trial, options, leave_at=None):
@@ -43,13 +46,12 @@ def reports(trial, options, leave_at=None):
     ],
     ids=["mpl", "mpe", "mpe exact", "sparse"],
 )
-def test_a_caller_may_leave_at_every_report(trial, options, least):
+def test_a_caller_may_leave_at_a_report(trial, options, least):
     whole = reports(trial, options)
     assert [stage for stage, _ in whole].count("prepare") == 4
     within_search = [k for k, (stage, _) in enumerate(whole) if stage == "search"][1:]
     assert len(within_search) >= least
-    some = within_search[:: max(1, len(within_search) // 3)]
-    for k in (0, 1, *some, len(whole) - 1):
+    for k in (0, 1, within_search[len(within_search) // 2], len(whole) - 1):
         left = reports(trial, options, leave_at=k + 1)
         assert left == whole[: k + 1]  # nothing was done after the call that raised
 

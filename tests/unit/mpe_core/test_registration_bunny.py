@@ -10,14 +10,14 @@ from mpe_core import register
 from tests.factories.checks import pose_error
 from tests.factories.clouds import bunny, moved
 
-TRIALS = 20
+TRIALS = 8
 
 
 @pytest.mark.parametrize(
     ("noise", "outliers", "degrees", "at_least"),
-    [(0.0, 0, 0.1, 20), (0.02, 0, 2.0, 20), (0.0, 1500, 2.0, 18)],
+    [(0.0, 0, 0.1, 8), (0.02, 0, 2.0, 8), (0.0, 1500, 2.0, 7)],
 )
-def test_twenty_starts(data, noise, outliers, degrees, at_least):
+def test_starts_from_any_rotation(data, noise, outliers, degrees, at_least):
     cloud, right, starts_right = bunny(data), 0, 0
     for seed in range(TRIALS):
         trial = moved(cloud, np.random.default_rng(seed), noise=noise, outliers=outliers)
@@ -27,4 +27,4 @@ def test_twenty_starts(data, noise, outliers, degrees, at_least):
         right += (pose_error(found.T_target_source, truth, own) < limits).all()
         starts_right += (pose_error(np.eye(4), truth, own) < limits).all()
     assert right >= at_least
-    assert starts_right <= TRIALS // 10
+    assert starts_right <= 1

@@ -132,9 +132,8 @@ def test_the_whole_bunny_ends_where_the_exact_sum_does_in_less_time(data):
     assert seconds["tree"] < seconds["exact"] / 2  # measured: 4.7
 
 
-@pytest.mark.parametrize("name", ["dragon_120_96", "bunny_bun000_bun315"])
-def test_views_end_where_the_exact_sum_does(data, name):
-    trial = real_pair(data, name, largest_deg=60, seed=1)
+def test_views_end_where_the_exact_sum_does(data):
+    trial = real_pair(data, "dragon_120_96", largest_deg=60, seed=1)
     _same_pose(
         *(
             register(trial.source, trial.target, RegistrationOptions(method="mpe", field=field))

@@ -20,9 +20,9 @@ def error(found, truth, centre):
 
 
 CASES = {
-    "dense": ("bun_zipper", 0.006, 12),
-    "sparse": ("bun_zipper_res3", 0.004, 24),
-    "sparse, in noise": ("bun_zipper_res3", 0.03, 24),
+    "dense": ("bun_zipper", 0.006, 8),
+    "sparse": ("bun_zipper_res3", 0.004, 16),
+    "sparse, in noise": ("bun_zipper_res3", 0.03, 8),
 }
 
 

@@ -67,7 +67,7 @@ def test_gravity_tells_up_from_down(seed):
 
 def test_yaw_only_keeps_the_vertical_and_so_gains_accuracy():
     errors = []
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         target, source = turned_over(room(rng, 3000)), turned_over(room(rng, 3000))
         away = motion(source, axis_rotation(UP, 2.0), rng)
@@ -164,7 +164,7 @@ def test_what_lies_beyond_an_end_of_the_target_says_nothing_against_a_pose(data)
 def test_a_coarser_voxel_evens_out_noise(data):
     model = bunny(data, "bun_zipper")
     errors = []
-    for seed in range(10):
+    for seed in range(2):
         trial = moved(model, np.random.default_rng(seed), largest_deg=180, noise=0.05)
         usual = register(trial.source, trial.target)
         coarse = register(trial.source, trial.target, RegistrationOptions(voxel_size=0.02))

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from service.formats import FORMATS, CloudFileError, UnknownFormatError, read_points, sniff
 from service.formats.foreign import foreign_format
 from service.formats.read import SNIFFED_BYTES
+from service.formats.text_encoding import to_plain_head
 from tests.factories.cloud_files import seeds
 from tests.factories.decoding import decode, write_file
 from tests.factories.scanner_files import kitti, scanner_seeds, stl_binary
@@ -60,7 +61,7 @@ UNITS = (
 SNIFFERS: dict[str, Callable[[bytes], object]] = {
     **{item.name: item.sniff for item in FORMATS if item.sniff},
     "foreign": foreign_format,
-    "all": sniff,
+    "archives": to_plain_head,
 }
 
 
