@@ -124,6 +124,6 @@ def test_a_known_file_is_not_sent_again(server: Server) -> None:
     url = f"/v1/registrations/{job}/aligned"
     tag = server.client.get(url).headers["ETag"]
     again = server.client.get(url, headers={"If-None-Match": tag})
-    assert (again.status_code, again.content) == (304, b"")
+    assert (again.status_code, again.content, again.headers["ETag"]) == (304, b"", tag)
     other = server.client.get(f"{url}?format=npy", headers={"If-None-Match": tag})
     assert other.status_code == 200

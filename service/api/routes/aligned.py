@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import AbstractContextManager, ExitStack
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -15,6 +15,7 @@ from service.api.admission import check_disk, count_file
 from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
 from service.api.disconnect import unless_disconnected
 from service.api.download import DownloadResponse
+from service.api.middleware.conditional import NOT_MODIFIED, is_known
 from service.api.threads import OwnThreads
 from service.jobs.fingerprint import hash_json
 from service.jobs.model import JobRow
@@ -29,10 +30,22 @@ _MAX_WARNING_LENGTH = 400
 _MAX_HEADER_LENGTH = 4000
 """Characters of a header; proxies allow about 8,000 for all."""
 _EXPORTS = OwnThreads(MAX_RUNNING)
+Format = Annotated[
+    Literal["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"],
+    Query(description="Format of the file; STL needs a source with faces."),
+]
 Merged = Annotated[
     bool,
     Query(description="Append the target; the attribute `cloud` is 0 for the source, 1 for it."),
 ]
+
+
+def _tag(job: RequestedJob, format: Format = "ply", merged: Merged = False) -> str:
+    """Return the ETag of the file, before it is written: weak, as LAS files hold the day."""
+    return f'W/"{hash_json([job.work_key, job.result_sha256, format, merged])}"'
+
+
+Tag = Annotated[str, Depends(_tag)]
 
 
 async def _export(
@@ -40,14 +53,18 @@ async def _export(
     job: RequestedJob,
     runtime: CurrentRuntime,
     caller: CurrentCaller,
-    format: Annotated[
-        Literal["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"],
-        Query(description="Format of the file; STL needs a source with faces."),
-    ] = "ply",
+    tag: Tag,
+    format: Format = "ply",
     merged: Merged = False,
-) -> AsyncIterator[AlignedFile]:
-    """Write the file, count it as stored, and remove it once the response has been sent."""
+) -> AsyncIterator[AlignedFile | None]:
+    """Write the file, count it as stored, and remove it once the response has been sent.
+
+    None where the caller has the file already.
+    """
     export = await run_in_threadpool(_prepare, job, runtime, format, merged)
+    if is_known(tag, request.headers.get("If-None-Match", "")):
+        yield None
+        return
     with ExitStack() as file:
         await unless_disconnected(request, runtime.export_gate.acquire(job.tenant))
         try:
@@ -98,11 +115,12 @@ def _prepare(
     },
 )
 def aligned(
-    job: RequestedJob, file: Annotated[AlignedFile, Depends(_export)], merged: Merged = False
-) -> DownloadResponse:
-    """Write the file on demand, in a process of its own."""
-    tag = hash_json([job.work_key, job.result_sha256, file.path.name, merged])
-    headers = {"ETag": f'W/"{tag}"'}  # weak: LAS and E57 files hold the day, or an identifier
+    job: RequestedJob, file: Annotated[AlignedFile | None, Depends(_export)], tag: Tag
+) -> Response:
+    """Write the file on demand, in a process of its own; not for a caller who has it already."""
+    headers = {"ETag": tag}
+    if file is None:
+        return Response(status_code=NOT_MODIFIED, headers=headers)
     if file.warnings:
         headers["X-Warnings"] = _render_warnings(file.warnings)
     name = f"{job.id}-{file.path.name}"

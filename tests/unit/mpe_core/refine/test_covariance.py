@@ -22,7 +22,7 @@ def error(found, truth, centre):
 CASES = {
     "dense": ("bun_zipper", 0.006, 8),
     "sparse": ("bun_zipper_res3", 0.004, 16),
-    "sparse, in noise": ("bun_zipper_res3", 0.03, 8),
+    "sparse, in noise": ("bun_zipper_res3", 0.03, 16),
 }
 
 
