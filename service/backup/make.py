@@ -7,36 +7,25 @@ names is there. Where it is not, store and files are copied again.
 
 from __future__ import annotations
 
-import os
 import shutil
-import sqlite3
 import time
-from collections.abc import Iterator
-from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
-
-from sqlalchemy import select
 
 from service.backup.manifest import (
     BackedUpFile,
     BackupError,
     Manifest,
     copy_file,
-    hash_file,
     sync_directory,
 )
-from service.database.sqlite import SqliteSnapshot
+from service.backup.store_copy import copy_store
 from service.database.store import check_store
-from service.database.tables import uploads
-from service.jobs.retention import find_needed_blobs
 from service.settings import Settings
-from service.storage.blobs import blob_path
 from service.storage.store_mark import KEYS_MARK, STORE_MARK
 
 TRIES = 3
 """Copies of the store that are made until one names files that are all there."""
-_BUSY_TIMEOUT_S = 60.0
 
 
 def make_backup(settings: Settings, target: Path) -> Manifest:
@@ -45,7 +34,7 @@ def make_backup(settings: Settings, target: Path) -> Manifest:
     Raises
     ------
     BackupError
-        The directory exists, the rows are in PostgreSQL, or there is too little room.
+        The directory exists, there is too little room, or PostgreSQL's programs fail.
     StoreLostError, NotReadyError
         The store is missing or damaged, or does not answer.
     """
@@ -68,12 +57,7 @@ def make_backup(settings: Settings, target: Path) -> Manifest:
 
 
 def _check_possible(settings: Settings, target: Path) -> None:
-    if settings.database_url is not None:
-        raise BackupError(
-            "MPE_DATABASE_URL is set: copy the database with pg_dump first, then the folders blobs "
-            f"and uploads and the marks of {settings.data_dir}"
-        )
-    if not settings.sqlite_path.exists():
+    if settings.database_url is None and not settings.sqlite_path.exists():
         raise BackupError(f"{settings.data_dir} has no job store; is MPE_DATA_DIR right?")
     if target.exists():
         raise BackupError(f"{target} exists; name a new directory")
@@ -82,8 +66,8 @@ def _check_possible(settings: Settings, target: Path) -> None:
 def _copy_all(settings: Settings, partial: Path) -> Manifest:
     copied: dict[str, BackedUpFile] = {}
     for _ in range(TRIES):
-        store = _copy_store(settings.sqlite_path, partial / settings.sqlite_path.name)
-        names = list(_named_files(partial / settings.sqlite_path.name))
+        store = copy_store(settings, partial)
+        names = store.names
         _check_room(settings.data_dir, partial, [name for name in names if name not in copied])
         for name in names:
             _copy_once(settings.data_dir, partial, name, copied)
@@ -97,36 +81,8 @@ def _copy_all(settings: Settings, partial: Path) -> Manifest:
     for name in set(copied) - set(names) - set(marks):  # needed by an earlier copy of the store
         (partial / name).unlink()
     return Manifest(
-        release=version("mpe"), created_at=time.time(), files=[store, *kept], missing=missing
+        release=version("mpe"), created_at=time.time(), files=[store.file, *kept], missing=missing
     )
-
-
-def _copy_store(source: Path, target: Path) -> BackedUpFile:
-    """Copy the database in one transaction, with what is in its write-ahead log."""
-    target.unlink(missing_ok=True)
-    uri = f"{source.absolute().as_uri()}?mode=ro"
-    with (
-        closing(sqlite3.connect(uri, uri=True, timeout=_BUSY_TIMEOUT_S)) as reader,
-        closing(sqlite3.connect(target)) as writer,
-    ):
-        reader.backup(writer)
-        writer.execute("PRAGMA journal_mode=DELETE")  # one file, without a log beside it
-    with target.open("rb") as copied:
-        os.fsync(copied.fileno())
-    return BackedUpFile(path=target.name, size=target.stat().st_size, sha256=hash_file(target))
-
-
-def _named_files(store: Path) -> Iterator[str]:
-    """Yield the paths, in the data directory, of all files that the store names."""
-    with closing(SqliteSnapshot(store)) as snapshot:
-        blobs = sorted(find_needed_blobs(snapshot))
-        query = select(uploads.c.id).where(uploads.c.is_complete.is_(False))
-        with snapshot.read() as connection:
-            pieces = sorted(connection.scalars(query))
-    for sha256 in blobs:
-        yield str(blob_path(Path(), sha256))
-    for upload_id in pieces:
-        yield f"uploads/{upload_id}"
 
 
 def _copy_once(data_dir: Path, partial: Path, name: str, copied: dict[str, BackedUpFile]) -> None:

@@ -59,6 +59,32 @@ class PostgresDatabase:
         self._engine.dispose()
 
 
+class PostgresSnapshot:
+    """The rows as they are at one moment, for several reads; nothing is migrated."""
+
+    def __init__(self, url: str) -> None:
+        self._engine = _create_engine(url)
+        with translate_errors():
+            snapshots = self._engine.execution_options(isolation_level="REPEATABLE READ")
+            self._connection = snapshots.connect()
+
+    @contextmanager
+    def read(self) -> Iterator[Connection]:
+        """Read as of that moment."""
+        with translate_errors():
+            yield self._connection
+
+    def export(self) -> str:
+        """Return a name by which other connections see the same rows, until this is closed."""
+        with translate_errors():
+            return str(self._connection.scalar(select(func.pg_export_snapshot())))
+
+    def close(self) -> None:
+        """End the transaction and the connection."""
+        self._connection.close()
+        self._engine.dispose()
+
+
 def _create_engine(url: str) -> Engine:
     return create_engine(
         make_url(url).set(drivername="postgresql+psycopg"),

@@ -40,7 +40,7 @@ def open_store(settings: Settings) -> Database:
     """
     settings.data_dir.mkdir(parents=True, exist_ok=True)
     mark = StoreMark(settings.data_dir)
-    if mark.is_used and not _has_tables(settings):
+    if mark.is_used and not has_tables(settings):
         raise StoreLostError(_describe_loss(settings))
     database = open_database(settings.store_url)
     mark.make()
@@ -59,7 +59,7 @@ def check_store(settings: Settings) -> None:
     """
     if settings.database_url is None and settings.sqlite_path.exists():
         _check_sqlite(settings.sqlite_path)
-    if StoreMark(settings.data_dir).is_used and not _has_tables(settings):
+    if StoreMark(settings.data_dir).is_used and not has_tables(settings):
         raise StoreLostError(_describe_loss(settings))
 
 
@@ -78,7 +78,14 @@ def _check_sqlite(path: Path) -> None:
         )
 
 
-def _has_tables(settings: Settings) -> bool:
+def has_tables(settings: Settings) -> bool:
+    """Return whether there is a job store.
+
+    Raises
+    ------
+    NotReadyError
+        The database does not answer.
+    """
     url = make_url(settings.store_url)
     if settings.database_url is None:
         if not settings.sqlite_path.exists():
