@@ -33,6 +33,7 @@ from service.formats import (
     read_pieces,
     read_points,
 )
+from service.formats.foreign import foreign_by_name
 from service.problems import NotReadyError
 from service.schemas import Reading
 from service.settings import InvalidSettingsError, load_settings
@@ -139,7 +140,8 @@ def _read(role: str, arguments: argparse.Namespace) -> DecodedCloud:
     try:
         return read_points(path, _read_limits(), **reading, attributes=bool(arguments.output))
     except CloudFileError as error:
-        raise type(error)(f"{path}: {error}") from error
+        named = foreign_by_name(path.name)
+        raise type(error)(f"{path}: {error}{f'; {named}' if named else ''}") from error
 
 
 def _pieces(source: DecodedCloud, arguments: argparse.Namespace) -> Iterator[DecodedCloud]:

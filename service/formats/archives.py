@@ -21,6 +21,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     short_reason,
 )
+from service.formats.foreign import foreign_by_name
 
 GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
 _BLOCK_BYTES = 1 << 20
@@ -85,9 +86,11 @@ def _only_file(archive: zipfile.ZipFile) -> zipfile.ZipInfo:
     files = [info for info in archive.infolist() if not (info.is_dir() or _is_clutter(info))]
     clouds = [info for info in files if not info.filename.lower().endswith(_SIDECARS)]
     if len(clouds) != 1:
+        named = next(filter(None, (foreign_by_name(info.filename) for info in clouds)), None)
         names = ", ".join(repr(info.filename[-60:]) for info in (clouds or files)[:9])
         raise UnsupportedFileError(
             f"the zip archive holds {len(files)} files ({names}); expected one cloud file"
+            + (f"; {named}" if named else "")
         )
     return clouds[0]
 

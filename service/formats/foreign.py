@@ -10,9 +10,7 @@ from service.formats.numerals import is_number, significant_line
 _EXPORT = "export it as PLY, PCD, LAS or E57"
 _MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
     ((b"ISO-10303-21",), "STEP", "export its surface as STL"),
-    ((b"\x89HDF\r\n\x1a\n",), "HDF5", "export the array of points as .npy"),
     ((b"version https://git-lfs",), "Git LFS pointer", "fetch the file with: git lfs pull"),
-    ((b"DRACO",), "Draco", _EXPORT),
     ((b"SQLite format 3\0",), "SQLite", _EXPORT),
     ((b"#ROSBAG V",), "ROS bag", "export its scans as PCD"),
     ((b"\x89MCAP0\r\n",), "MCAP", "export its scans as PCD"),
@@ -24,12 +22,26 @@ _MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
     ((b"%PDF",), "PDF", "send a point cloud"),
     ((b"<!DOCTYPE html", b"<!doctype html", b"<html", b"<HTML"), "HTML", "send a point cloud"),
     ((b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), "Microsoft Office", "save the sheet as CSV"),
-    ((b"MATLAB 5.0 MAT",), "MATLAB", "export the points as CSV"),
     ((b"#VRML", b"#X3D"), "VRML", "export it as PLY, OBJ or glTF"),
     ((b"AC10",), "DWG", "export its points as LAS or its surfaces as STL"),
     ((b"#usda", b"PXR-USDC"), "USD", "export it as glTF, OBJ or PLY"),
 )
 """Beginnings of files, the name of the format, and what to do."""
+_BY_SUFFIX = {
+    (".fls", ".fws", ".lsproj"): ("FARO", "export E57 in FARO Scene"),
+    (".rcp", ".rcs"): ("Autodesk ReCap", "export E57 in ReCap"),
+    (".rxp", ".rdb", ".rdbx"): ("RIEGL", "export LAS or E57 in RiSCAN"),
+    (".zfs", ".zfprj"): ("Zoller+Froehlich", "export E57 in LaserControl"),
+    (".lgs", ".lgsx", ".imp"): ("Leica Cyclone", "export E57 or PTX in Cyclone"),
+    (".dwg", ".dxf"): ("AutoCAD", "export its points as LAS or its surfaces as STL"),
+    (".usdz", ".usd"): ("USD", "export it as glTF, OBJ or PLY"),
+    (".step", ".stp", ".iges", ".igs"): ("CAD", "export its surface as STL"),
+    (".bag", ".db3", ".mcap"): ("ROS", "export its scans as PCD"),
+    (".pcap", ".pcapng"): ("a packet capture", _EXPORT),
+    (".lvx", ".ksplat"): ("an older Livox or splat file", _EXPORT),
+    (".cl3", ".clr", ".tzf"): ("Topcon or Trimble", "export it as E57"),
+}
+"""Formats without a public description, by the ends of their names: the maker, and what to do."""
 _ATOM = re.compile(rb"[A-Z][a-z]?")
 
 
@@ -39,6 +51,14 @@ def foreign_format(head: bytes) -> str | None:
         if head.startswith(magics):
             return f"{name} ({head[:8]!r}), which is not read: {advice}"
     return next((text for check, text in _CHECKS if check(head)), None)
+
+
+def foreign_by_name(name: str) -> str | None:
+    """Describe a file of a well-known format that is not read, by its name; else None."""
+    for suffixes, (maker, advice) in _BY_SUFFIX.items():
+        if name.lower().endswith(suffixes):
+            return f"{name[-40:]!r} looks like a file of {maker}, which is not read: {advice}"
+    return None
 
 
 def _is_riegl(head: bytes) -> bool:

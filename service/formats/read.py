@@ -81,7 +81,8 @@ def read_points(
     format
         Name of the format, one of FORMATS; None: by content.
     scan
-        Index, from 0, of one scan of an E57 or PTX file; None merges all.
+        Index, from 0, of one scan of an E57 or PTX file; None merges all. Or of one of the clouds
+        in a data set of HDF5.
     surface_samples
         Number of points to sample on the surface of a mesh, evenly by area; None takes its
         vertices.

@@ -10,10 +10,13 @@ from typing import Any, Literal
 from service.formats import (
     archives,
     colmap,
+    draco,
     e57,
+    hdf5,
     kitti,
     las,
     lvx,
+    matlab,
     mesh,
     npy,
     pcd,
@@ -117,6 +120,23 @@ FORMATS = (
         ("weights", "attributes"),
     ),
     Format(
+        "hdf5",
+        "HDF5, also MATLAB 7.3: the data set called points, xyz, ..., or the only one; one of "
+        "several clouds by its number",
+        (".h5", ".hdf5", ".mat"),
+        hdf5.sniff,
+        hdf5.read,
+        ("scan", "weights", "attributes"),
+    ),
+    Format(
+        "matlab",
+        "MATLAB 5 to 7.2: the matrix called points, xyz, ..., or the only one",
+        (".mat",),
+        matlab.sniff,
+        matlab.read,
+        ("weights", "attributes"),
+    ),
+    Format(
         "vtk",
         "VTK, legacy files in ASCII or binary: the points of poly data and grids",
         (".vtk",),
@@ -134,11 +154,20 @@ FORMATS = (
     ),
     Format(
         "gltf",
-        "glTF 2.0 with its data inside: vertices, or samples of the surface",
+        "glTF 2.0 with its data inside, compressed by Draco or not: vertices, or samples of the "
+        "surface",
         (".glb", ".gltf"),
         gltf.sniff,
         mesh.read_gltf,
         ("surface_samples", "attributes"),
+    ),
+    Format(
+        "draco",
+        "Draco (.drc), also within glTF: points or vertices",
+        (".drc",),
+        draco.sniff,
+        draco.read,
+        ("attributes",),
     ),
     Format(
         "stl",

@@ -68,7 +68,8 @@ class Reading(StrictModel):
     scan: int | None = Field(
         default=None,
         ge=0,
-        description="Which scan of an E57 or PTX file, counted from 0; null: all, merged.",
+        description="Which scan of an E57 or PTX file, counted from 0; null: all, merged. Or which "
+        "of the clouds of equal size that a data set of HDF5 holds.",
     )
     surface_samples: int | None = Field(
         default=None,

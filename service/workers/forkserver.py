@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 
+import DracoPy  # noqa: F401
+import h5py  # noqa: F401
 import laspy  # noqa: F401
 import pye57  # noqa: F401
 import trimesh.sample  # noqa: F401

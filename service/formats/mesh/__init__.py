@@ -23,6 +23,7 @@ from service.formats.faces import check_faces
 from service.formats.libraries import import_library
 from service.formats.mesh import text as mesh_text
 from service.formats.mesh.gltf import check_gltf
+from service.formats.mesh.gltf_draco import without_draco
 
 SEED = 0
 """Seed of the surface samples: the same file gives the same points."""
@@ -78,8 +79,9 @@ def read_gltf(
     path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
 ) -> DecodedCloud:
     """Read the meshes of a glTF 2.0 file (.glb, or .gltf with embedded data), placed by nodes."""
-    kind = check_gltf(path, limits)
-    return _read_mesh(path, limits, kind, surface_samples, attributes=attributes)
+    with without_draco(path, limits) as plain:
+        kind = check_gltf(plain, limits)
+        return _read_mesh(plain, limits, kind, surface_samples, attributes=attributes)
 
 
 def _read_mesh(

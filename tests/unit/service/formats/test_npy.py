@@ -49,7 +49,7 @@ def test_ignored_columns_are_reported(tmp_path: Path) -> None:
 UNCLEAR = {
     "complex numbers": (npy(POINTS.astype(np.complex64)), "complex64"),
     "two columns": (npy(POINTS[:, :2]), "(40, 2)"),
-    "two unnamed arrays": (npz(a=POINTS, b=POINTS), "2 arrays; expected only one"),
+    "two unnamed arrays": (npz(a=POINTS, b=POINTS), "2 arrays ('a', 'b'); expected only one"),
     "normals of another cloud": (npz(points=POINTS, normals=NORMALS[:9]), "9 normals"),
 }
 

@@ -7,13 +7,16 @@ from pathlib import Path
 import pytest
 
 from service.formats import FORMATS, CloudFileError, UnknownFormatError, read_points, sniff
+from tests.factories.array_files import array_seeds
 from tests.factories.cloud_files import ply, seeds
 from tests.factories.decoding import write_file
 from tests.factories.scanner_files import scanner_seeds
 
 
 def test_every_format_has_a_case() -> None:
-    met = {sniff(content[:4096]) for content in {**seeds(), **scanner_seeds()}.values()}
+    met = {
+        sniff(content[:4096]) for content in (seeds() | scanner_seeds() | array_seeds()).values()
+    }
     assert met | {"kitti"} == {format.name for format in FORMATS}
 
 

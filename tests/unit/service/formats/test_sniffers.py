@@ -133,7 +133,6 @@ FOREIGN = {
     "DWG": b"AC1027" + bytes(200),
     "USD": b"#usda 1.0" + bytes(20),
     "STEP": b"ISO-10303-21;\nHEADER;\n",
-    "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(200),
     "git lfs pull": b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"a" * 64,
     "RIEGL": b"\x10\0\0\0\0\0\0\x0bRieglLMS" + bytes(200),
     "ESRI": b"ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3\n4 5 6\n",

@@ -1,0 +1,212 @@
+"""Clouds of arrays with names, as files of several arrays hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.formats.colors import RGB
+from service.formats.column_names import find_normals, find_xyz
+from service.formats.decoded_cloud import DecodedCloud
+from service.formats.errors import (
+    MalformedFileError,
+    MissingAttributeError,
+    missing_attribute,
+)
+from service.formats.unnamed_columns import name_columns
+
+Array = NDArray[np.generic]
+_POINT_ARRAYS = (
+    *("points", "xyz", "pcd", "positions", "vertices", "coords", "coord", "coordinates", "pc"),
+    *("pos", "position", "point", "point_cloud", "pointcloud", "cloud", "data", "arr_0"),
+)
+"""Names of the array of points, in order of preference."""
+_COLOR_ARRAYS = ("color", "colors", "colour", "colours", "rgb")
+_MAX_ARRAYS = 64
+"""Arrays beside the points that are kept."""
+_MAX_PARTS = 64
+"""Numbers of an array for each point that are kept."""
+_NORMALS = "normals"
+_MAX_LISTED = 20
+"""Names that a message lists."""
+
+
+def cloud_of_arrays(
+    arrays: Mapping[str, Callable[[], Array]],
+    format: str,
+    weights: str | None = None,
+    *,
+    attributes: bool = False,
+) -> DecodedCloud:
+    """Make a cloud of the array called points, xyz, ..., or the only one, and of "normals".
+
+    Parameters
+    ----------
+    arrays
+        What reads each array, by its name; parts of a name before a slash or point are its folder.
+    format
+        Name of the format.
+    weights
+        Array, or field of the array of points, to keep as an attribute.
+    attributes
+        Keep all arrays with one number or a few for each point.
+
+    Raises
+    ------
+    CloudFileError
+        The arrays have other names, shapes or types.
+    """
+    name = choose_array(list(arrays))
+    array = arrays[name]()
+    cloud = to_cloud(array, format)
+    count = len(cloud.points)
+    normals = cloud.normals
+    if _NORMALS in arrays:
+        normals = to_cloud(arrays[_NORMALS](), format).points
+    if normals is not None and len(normals) != count:
+        raise MalformedFileError(
+            f"there are {len(normals)} normals for {count} points; expected one for each"
+        )
+    known = extra_fields(array) | dict.fromkeys(sorted(set(arrays) - {name, _NORMALS}))
+    if weights is not None and weights in arrays:
+        known[weights] = _flat(arrays[weights]())
+    kept = all_fields(array, count) if attributes else {}
+    used = {name, _NORMALS, weights}
+    others = sorted(set(arrays) - {name, _NORMALS}) if attributes else []
+    for other in others[:_MAX_ARRAYS]:
+        columns = _array_columns(other, _flat(arrays[other]()), count)
+        kept |= columns
+        used |= {other} if columns else set()
+    ignored = len(set(arrays) - used)
+    warnings = () if attributes else cloud.warnings
+    warnings += (f"{ignored} arrays beside {name!r} are ignored",) if ignored else ()
+    cloud = DecodedCloud(cloud.points, format, warnings, normals, attributes=kept)
+    return cloud if weights is None else with_attribute(cloud, weights, known)
+
+
+def choose_array(names: Iterable[str]) -> str:
+    """Choose the array of points by its name.
+
+    Raises
+    ------
+    MalformedFileError
+        No name, or several, are those of points; the message lists the names.
+    """
+    names = list(names)
+    for wanted in _POINT_ARRAYS:
+        found = [name for name in names if name.replace(".", "/").rpartition("/")[2] == wanted]
+        if len(found) == 1 or wanted in found:
+            return wanted if wanted in found else found[0]
+    if len(names) == 1:
+        return names[0]
+    listed = ", ".join(repr(name[:60]) for name in names[:_MAX_LISTED])
+    raise MalformedFileError(
+        f"the file has {len(names)} arrays ({listed}); expected only one, or one called "
+        f"{', '.join(_POINT_ARRAYS)}"
+    )
+
+
+def _flat(array: Array) -> Array:
+    """Return an array of one row or column as a list of numbers."""
+    is_line = array.ndim == 2 and 1 in array.shape
+    return array.reshape(-1) if is_line else array
+
+
+def extra_fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | None]:
+    """Return the fields of a structured array beside the coordinates."""
+    names = array.dtype.names or ()
+    places = find_xyz(names) or ()
+    records = cast("NDArray[np.void]", array)
+    return {name: records[name] for i, name in enumerate(names) if i not in places}
+
+
+def with_attribute(
+    cloud: DecodedCloud, name: str, known: dict[str, NDArray[np.generic] | None]
+) -> DecodedCloud:
+    """Return the cloud with one of the known attributes."""
+    column = known.get(name)
+    if column is None:
+        raise missing_attribute(name, known)
+    if column.shape != (len(cloud.points),) or column.dtype.kind not in "biuf":
+        raise MissingAttributeError(
+            f"attribute {name[:40]!r} has type {column.dtype} and shape {column.shape}; expected"
+            f" one number for each of the {len(cloud.points)} points"
+        )
+    return replace(cloud, attributes=cloud.attributes | {name: column.astype(np.float64)})
+
+
+def all_fields(array: NDArray[np.generic], count: int) -> dict[str, NDArray[np.generic]]:
+    """Return the fields, or the columns after the third, that hold one number for each point."""
+    if array.dtype.names:
+        fields: dict[str, NDArray[np.generic]] = {}
+        for name, column in extra_fields(array).items():
+            if column is not None:
+                fields |= _array_columns(name, column, count)
+        return fields
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
+        return {}
+    table = array.T if _is_transposed(array) else array
+    return name_columns(table[:, 3:], 4)
+
+
+def _array_columns(
+    name: str, array: NDArray[np.generic], count: int
+) -> dict[str, NDArray[np.generic]]:
+    """Return an array of one number or a few for each point as columns; else nothing."""
+    if array.dtype.kind not in "biuf" or array.shape[:1] != (count,):
+        return {}
+    native = array.astype(array.dtype.newbyteorder("="))
+    if array.ndim == 1:
+        return {name: native}
+    if array.ndim != 2 or array.shape[1] > _MAX_PARTS:
+        return {}
+    if array.shape[1] == 3 and name.lower() in _COLOR_ARRAYS:
+        return dict(zip(RGB, native.T, strict=True))
+    return {f"{name}:{i}": native[:, i] for i in range(array.shape[1])}
+
+
+def to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
+    """Make a cloud of an (N, 3 or more) or (H, W, 3) array, or one with the fields x, y, z."""
+    if array.dtype.names:
+        names = array.dtype.names
+        xyz, normals = find_xyz(names), find_normals(names)
+        if xyz is None or array.ndim not in (1, 2):
+            raise MalformedFileError(
+                f"a structured array of {array.ndim} dimensions with the fields {names[:9]}; "
+                "expected one or two dimensions and the fields x, y, z"
+            )
+        records = cast("NDArray[np.void]", array.reshape(-1))
+        for i in xyz + (normals or ()):
+            if (shape := records[names[i]].shape[1:]) != ():
+                raise MalformedFileError(
+                    f"the field {names[i]} holds values of shape {shape}; expected one number"
+                )
+        table = np.stack([_floats(records[names[i]]) for i in xyz + (normals or ())], axis=1)
+        return DecodedCloud(table[:, :3], format, (), table[:, 3:] if normals else None)
+    if array.ndim == 3 and array.shape[2] == 3:
+        return DecodedCloud(_floats(array.reshape(-1, 3)), format)
+    if array.ndim != 2 or array.shape[1] < 3:
+        raise MalformedFileError(f"an array of shape {array.shape}; expected (N, 3)")
+    if _is_transposed(array):
+        return DecodedCloud(
+            _floats(array[:3].T), format, (f"the shape {array.shape} is read as its transpose",)
+        )
+    extra = array.shape[1] - 3
+    warnings = (f"{extra} columns after x, y, z are ignored",) if extra else ()
+    return DecodedCloud(_floats(array[:, :3]), format, warnings)
+
+
+def _is_transposed(array: NDArray[np.generic]) -> bool:
+    """Whether an array of few rows and many columns has the coordinates in its rows."""
+    return array.ndim == 2 and array.shape[0] in (3, 4, 6) and array.shape[1] > _MAX_PARTS
+
+
+def _floats(array: NDArray[np.generic]) -> NDArray[np.floating]:
+    if array.ndim == 0 or array.dtype.kind not in "fiu":
+        raise MalformedFileError(f"values of type {array.dtype}; expected real numbers")
+    small = array.dtype.kind == "f" and array.dtype.itemsize <= 4
+    return np.ascontiguousarray(array, np.float32 if small else np.float64)
