@@ -17,7 +17,7 @@ from mpe_core.refine.scale import ScaleStep, estimate_scale_step
 from mpe_core.refine.swapped import SwappedPointToPlane
 from mpe_core.result import CodedWarning, Registration
 from mpe_core.rigid_registration import Attempt, register_rigidly
-from mpe_core.search.pose_search import SEARCH_LEVELS
+from mpe_core.search.pose_search import SEARCH_LEVELS, SearchLevel
 
 Array = NDArray[np.float64]
 
@@ -33,9 +33,22 @@ GRID_STEP, MAX_GRID = 1.15, 24
 SURE_CONFIDENCE = 0.97
 """Confidence from which on the scale is not doubted: street scans of the right one have 0.99."""
 
-MIN_WRONG_SCALE, MIN_GAIN, WRONG_SCALE_CONFIDENCE = 0.03, 1.15, 0.3
+MIN_WRONG_SCALE, MIN_GAIN = 0.03, 1.15
 """Logarithm of the scale next to an accepted pose, and gain of the points on the surface, from
-which on the pose is refused; and its confidence then."""
+which on the pose is refused."""
+
+MIRROR_LOG_ODDS = 1.5
+"""Log odds by which a mirrored source has to exceed an accepted pose for that to be refused."""
+
+DOUBTED_CONFIDENCE = 0.3
+"""Confidence of a pose that is refused for another scale or hand."""
+
+MIRRORED = CodedWarning(
+    "mirrored",
+    "the clouds are mirror images: mirrored (x turned to -x), the source fits. Look for a"
+    " left-handed or swapped axis in the export of one of them",
+)
+"""What is said of them."""
 
 MAX_STEPS, STEP_TOL = 12, 1e-6
 """Steps of the scale, and the last step's logarithm at which it stops."""
@@ -84,7 +97,7 @@ def register_scaled(
         return _register_units(source, target, options, progress)
     first = register_rigidly(source, target, options, progress)
     if first.found.accepted:
-        return _doubt_scale(source, target, first, options, progress)
+        return _doubt(source, target, first, options, progress)
     return _with_cause(first.found, _name_cause(source, target, first, options, progress))
 
 
@@ -106,30 +119,47 @@ def _register_units(
     return register_rigidly(source, target, options, progress).found
 
 
-def _doubt_scale(
+def _doubt(
     source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> Registration:
-    """Refuse an accepted pose next to which the clouds fit much better at another scale."""
+    """Refuse an accepted pose where the clouds fit much better at another scale, or mirrored."""
     if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
         return first.found
+    cause = _other_scale(source, target, first, options, progress)
+    if cause is None and options.initial_transform is None:
+        cause = _other_hand(source, target, first, options, progress)
+    if cause is None:
+        return first.found
+    confidence = min(first.found.confidence, DOUBTED_CONFIDENCE)
+    return _with_cause(replace(first.found, accepted=False, confidence=confidence), cause)
+
+
+def _other_scale(
+    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
+) -> CodedWarning | None:
+    """Name the scale at which the clouds fit much better next to an accepted pose."""
     refined = _refine_scale(source, target, _Scaled(1.0, first), options, progress)
     if abs(np.log(refined.scale)) < MIN_WRONG_SCALE:
-        return first.found
+        return None
     before, after = (each.best.evidence for each in (first, refined.attempt))
     gain = after.on_surface_fraction * after.surface_agreement
     if gain < MIN_GAIN * before.on_surface_fraction * before.surface_agreement:
-        return first.found
-    text = CodedWarning(
+        return None
+    return CodedWarning(
         "other_scale",
         f"the clouds fit better with the source scaled by {refined.scale:.4g}: check the scale of"
         ' both, or set scale to "free"',
     )
-    doubted = replace(
-        first.found,
-        accepted=False,
-        confidence=min(first.found.confidence, WRONG_SCALE_CONFIDENCE),
-    )
-    return _with_cause(doubted, text)
+
+
+def _other_hand(
+    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
+) -> CodedWarning | None:
+    """Name the other hand where the mirrored source fits clearly better than an accepted pose."""
+    trial = _register_mirrored(source, target, options, progress, QUICK_LEVELS[:1])
+    before, after = first.best.evidence, trial.best.evidence
+    is_better = after.sort_key > before.sort_key
+    return MIRRORED if is_better and after.log_odds > before.log_odds + MIRROR_LOG_ODDS else None
 
 
 def _name_cause(
@@ -151,14 +181,24 @@ def _name_cause(
                 f" the source in {guess.source} and the target in {guess.target}. Convert both to"
                 ' one unit, or set scale to "units"',
             )
-    trial = register_rigidly(source.mirrored(), target, options, progress, levels=QUICK_LEVELS)
-    if trial.found.accepted:
-        return CodedWarning(
-            "mirrored",
-            "the clouds are mirror images: mirrored (x turned to -x), the source fits. Look for a"
-            " left-handed or swapped axis in the export of one of them",
-        )
-    return None
+    trial = _register_mirrored(source, target, options, progress, QUICK_LEVELS)
+    return MIRRORED if trial.found.accepted else None
+
+
+def _register_mirrored(
+    source: Cloud,
+    target: Cloud,
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel],
+) -> Attempt:
+    """Register the source with x turned to -x, and what the caller knows of it."""
+    gravity, viewpoint = (
+        None if v is None else (-v[0], v[1], v[2])
+        for v in (options.source_gravity, options.source_viewpoint)
+    )
+    options = replace(options, source_gravity=gravity, source_viewpoint=viewpoint)
+    return register_rigidly(source.mirrored(), target, options, progress, levels=levels)
 
 
 def _register_free(

@@ -6,6 +6,7 @@ pye57, trimesh, lzf) are imported when a file of such a format is read or writte
 
 from __future__ import annotations
 
+from service.formats.crs import warn_unlike
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
     CloudFileError,
@@ -45,6 +46,7 @@ __all__ = [
     "read_points",
     "sniff",
     "sniff_file",
+    "warn_unlike",
     "write_cloud",
     "write_pieces",
     "write_ply",

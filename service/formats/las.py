@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.crs import refuse_geographic
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, check_density
 from service.formats.errors import (
+    CloudFileError,
     FileLimitError,
     MalformedFileError,
     TruncatedFileError,
@@ -215,7 +217,8 @@ def _iter_chunks(
     with _translate_errors(), laspy.open(path, **_options(laspy)) as file:
         _check_chunk_size(file.header)
         metadata = _read_metadata(file.header) if attributes else None
-        crs = _crs_records(path, file.header) if attributes else ()
+        crs = _crs_records(path, file.header)
+        refuse_geographic(crs)
         found = 0
         for chunk in file.chunk_iterator(_CHUNK_POINTS):
             found += len(chunk)
@@ -233,7 +236,7 @@ def _translate_errors() -> Iterator[None]:
     except BaseException as error:
         # lazrs also reports damage by a PanicException, which is a BaseException
         is_decoding_error = isinstance(error, Exception) or type(error).__name__ == "PanicException"
-        if not is_decoding_error or isinstance(error, (MemoryError, FileLimitError)):
+        if not is_decoding_error or isinstance(error, (MemoryError, CloudFileError)):
             raise
         raise MalformedFileError(f"the points cannot be decoded: {short_reason(error)}") from None
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from service.formats import las
 from service.formats.archives import expand_archive
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits
+from service.formats.degrees import refuse_degrees
 from service.formats.errors import (
     CloudFileError,
     MalformedFileError,
@@ -37,6 +38,8 @@ _FLOAT_ROWS = (
 )
 EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples", "columns")
 """Choices that are an error for a format without them."""
+_MAYBE_DEGREES = ("las", "laz", "xyz")
+"""Formats of surveys, which may hold longitude and latitude."""
 ReadChoices = dict[str, int | str | None]
 _UNLIMITED = 1 << 62
 """Points of a file that is read in pieces."""
@@ -129,11 +132,13 @@ def read_points(
     second = next(pieces, None)
     if second is not None or len(cloud.points) > max_points:
         parts = chain((cloud,), () if second is None else (second,), pieces)
-        return _take_weights(thin_pieces(parts, max_points, weights), weights)
+        cloud = thin_pieces(parts, max_points, weights)
+    if cloud.format in _MAYBE_DEGREES and not cloud.crs:
+        refuse_degrees(cloud.points)
     if weights is None:
         return cloud
     cloud = _take_weights(cloud, weights)
-    return cloud if attributes else replace(cloud, attributes={}, faces=None, las=None, crs=())
+    return cloud if attributes else replace(cloud, attributes={}, faces=None, las=None)
 
 
 def read_pieces(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from service.formats.decoded_cloud import DecodedCloud
+from service.formats.las_metadata import LasRecord
 from service.storage.plain_file import is_plain_file
 
 _MISS = (OSError, KeyError)  # KeyError: an entry in the layout of an earlier build
@@ -33,7 +34,8 @@ def load_or_decode(
     entry : Path
         Path of the entry, see `decoded_path`.
     decode : callable
-        Returns the cloud when it is not cached; points, rows, format and warnings are kept.
+        Returns the cloud when it is not cached; points, rows, format, warnings and coordinate
+        system are kept.
     scratch : Path
         Folder for the new entry, which has the same file name; see `DecodedCache.adopt`.
     max_points : int
@@ -49,9 +51,14 @@ def load_or_decode(
                 header["format"],
                 tuple(header["warnings"]),
                 rows=arrays.get("rows"),
+                crs=tuple(
+                    LasRecord(user, kind, text, bytes.fromhex(data))
+                    for user, kind, text, data in header["crs"]
+                ),
             )
     cloud = decode()
-    header = {"format": cloud.format, "warnings": cloud.warnings}
+    records = [(r.user_id, r.record_id, r.description, r.data.hex()) for r in cloud.crs]
+    header = {"format": cloud.format, "warnings": cloud.warnings, "crs": records}
     header |= {"count": len(cloud.points), "max_points": max_points}
     columns: dict[str, Any] = {"points": cloud.points}
     columns |= {} if cloud.rows is None else {"rows": cloud.rows}

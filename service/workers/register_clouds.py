@@ -11,7 +11,7 @@ import numpy as np
 from mpe_core import RegistrationOptions
 from service.clouds.file_rows import in_file_rows
 from service.clouds.inputs import CloudInput
-from service.formats import CloudFileError, DecodedCloud, read_points
+from service.formats import CloudFileError, DecodedCloud, read_points, warn_unlike
 from service.storage.blobs import blob_path
 from service.storage.decoded_cache import decoded_path, load_or_decode
 from service.workers.messages import MAX_WARNINGS, Succeeded, clip
@@ -66,7 +66,8 @@ class RegisterClouds(Task):
             target = self._decode("target", self.target)
         registration = self._register(source, target, report)
         with report.stage("store"):
-            read = [clip(text) for text in (*source.warnings, *target.warnings)]
+            about_both = warn_unlike(source.crs, target.crs)
+            read = [clip(text) for text in (*source.warnings, *target.warnings, *about_both)]
             _write(registration, read[:MAX_WARNINGS], self.environment.scratch)
         warnings = [*read, *map(str, registration.warnings)]
         return Succeeded(

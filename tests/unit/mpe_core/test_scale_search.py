@@ -76,6 +76,13 @@ def test_mirrored_clouds_are_named():
     assert any("mirror images" in text for text in found.warnings)
 
 
+def test_an_accepted_pose_is_refused_where_the_mirror_image_fits_clearly_better(data):
+    pair = real_pair(data, "goicp_demo")
+    found = register(pair.source * [-1, 1, 1], pair.target)
+    assert not found.accepted
+    assert [warning.code for warning in found.warnings][-1] == "mirrored"
+
+
 @pytest.mark.parametrize("scale", ["feet", (0, 1), (2, 1), (1, 2, 3), 5])
 def test_what_is_no_scale_is_refused(scale):
     with pytest.raises(InvalidOptionsError, match="scale must be"):
