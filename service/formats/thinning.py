@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud
 from service.formats.errors import MalformedFileError, missing_attribute
+from service.formats.las_metadata import LasRecord
 
 _MIN_EDGE_SHARE = 2.0**-40
 """Finest cell, as a share of the cloud's extent, that is tried."""
@@ -43,7 +44,8 @@ def thin_pieces(
     Returns
     -------
     DecodedCloud
-        With `rows`, and a warning that tells what was kept; without other attributes.
+        With `rows`, and a warning that tells what was kept; without other attributes than the
+        coordinate system.
 
     Raises
     ------
@@ -53,8 +55,10 @@ def thin_pieces(
     thinning: _Thinning | None = None
     name, total = "", 0
     warnings: list[str] = []
+    crs: tuple[LasRecord, ...] = ()
     for piece in pieces:
         warnings += piece.warnings
+        crs = piece.crs or crs
         if len(piece.points) == 0:
             continue
         if thinning is None:
@@ -71,7 +75,8 @@ def thin_pieces(
         f"of {total} points {thinning.count} are used, the first in each cube of edge "
         f"{thinning.edge:.3g}: the memory allowed holds {max_points}"
     )
-    return thinning.to_cloud(name, tuple(dict.fromkeys(warnings)), weights)
+    cloud = thinning.to_cloud(name, tuple(dict.fromkeys(warnings)), weights)
+    return replace(cloud, crs=crs)
 
 
 @dataclass(slots=True)
