@@ -77,7 +77,7 @@ def iter_scene(count: int, seed: int, *, moved: bool = False) -> Iterator[NDArra
         if number < REPEATED:
             points = _draw_block(rng)
             blocks.append((points @ R.T + SHIFT).astype(np.float32) if moved else points)
-        shift = np.float32(rng.normal(0, 0.02, 3))
+        shift = np.float32(rng.normal(0, 0.02, 3) * (number >= REPEATED))
         yield blocks[number % REPEATED][: count - start] + shift
 
 

@@ -114,15 +114,15 @@ def check_count(count: int, row_bytes: int, available: int, at: str, limits: Rea
         )
 
 
-def check_density(count: int, size: int, at: str) -> None:
-    """Refuse a large number of compressed points that a file of `size` bytes can hardly hold.
+def check_density(count: int, size: int, at: str, free: int = _MIN_DENSE_POINTS) -> None:
+    """Refuse more than `free` compressed points that a file of `size` bytes can hardly hold.
 
     Raises
     ------
     TruncatedFileError
         There are more than _MAX_POINTS_PER_BYTE points in a byte.
     """
-    if count > max(_MIN_DENSE_POINTS, _MAX_POINTS_PER_BYTE * size):
+    if count > max(free, _MAX_POINTS_PER_BYTE * size):
         raise TruncatedFileError(
             f"{at}: {count} points in a file of {size} bytes; is the file complete?"
         )

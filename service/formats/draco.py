@@ -24,6 +24,9 @@ MAGIC = b"DRACO"
 _HEADER_BYTES = 11
 _IS_MESH = 1
 _HAS_METADATA = 0x8000
+_MIN_DENSE_POINTS = 100_000
+"""Points up to which their number is not checked against the size of the file; Draco allocates
+many numbers for each."""
 _MAX_ATTRIBUTES = 64
 _USUAL_TYPES = (0, 1, 2, 3)
 """Numbers of Draco for positions, normals, colours and texture coordinates."""
@@ -100,7 +103,7 @@ def _check_header(content: bytes) -> None:
         raise UnsupportedFileError(
             "byte 9: points with metadata, which is not read: encode them without"
         )
-    check_density(count, len(content), f"byte {_HEADER_BYTES}")
+    check_density(count, len(content), f"byte {_HEADER_BYTES}", _MIN_DENSE_POINTS)
 
 
 def _rows(mesh: Any, name: str, count: int) -> NDArray[np.floating] | None:

@@ -42,6 +42,7 @@ _BY_SUFFIX = {
     (".cl3", ".clr", ".tzf"): ("Topcon or Trimble", "export it as E57"),
 }
 """Formats without a public description, by the ends of their names: the maker, and what to do."""
+_ODD_OFF = re.compile(rb"(?:ST)?C?N?(?:4|4?n)OFF")
 _ATOM = re.compile(rb"[A-Z][a-z]?")
 
 
@@ -92,6 +93,15 @@ def _is_molecule(head: bytes) -> bool:
     )
 
 
+def _is_odd_off(head: bytes) -> bool:
+    """Whether it is OFF in binary, or of other than three dimensions."""
+    words = significant_line(head)[:200].split()[:2]
+    return bool(words) and (
+        _ODD_OFF.fullmatch(words[0]) is not None
+        or (words[0].endswith(b"OFF") and words[1:] == [b"BINARY"])
+    )
+
+
 def _is_matlab_text(head: bytes) -> bool:
     line = significant_line(head)[:200]
     return re.match(rb"[A-Za-z]\w{0,60}[ \t]?=[ \t]?\[", line) is not None
@@ -103,5 +113,9 @@ _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (_is_collada, "COLLADA, which is not read: export it as PLY or OBJ"),
     (_is_iges, "IGES, which is not read: export its surface as STL"),
     (_is_molecule, "a molecule in the chemical XYZ format, which is not read"),
+    (
+        _is_odd_off,
+        "OFF in binary or of n dimensions, which is not read: save it as ASCII OFF or PLY",
+    ),
     (_is_matlab_text, "MATLAB text, which is not read: export the matrix as CSV"),
 )

@@ -44,6 +44,8 @@ _CLASSES = range(6, 16)
 """Classes of matrices of numbers."""
 _COMPLEX = 0x08
 _MAX_MATRICES = 1000
+_MAX_LENGTH, _MAX_DIMENSIONS = 1 << 31, 4
+"""Bounds of a matrix; NumPy takes lengths together also where one of them is 0."""
 _MAX_DEPTH = 4
 """Levels of structures within structures."""
 _VALUES_PER_POINT = 16
@@ -150,6 +152,8 @@ class _Reader:
         parts = self.iter_elements(data)
         flags = self._numbers(*next(parts))
         shape = tuple(int(length) for length in self._numbers(*next(parts)))
+        if not all(0 <= length < _MAX_LENGTH for length in shape) or len(shape) > _MAX_DIMENSIONS:
+            raise MalformedFileError(f"a matrix of shape {shape[:9]}; expected rows and columns")
         _, text = next(parts)
         name = folder + (field or bytes(text).decode("latin1"))
         kind = int(flags[0]) & 0xFF

@@ -17,7 +17,8 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.numerals import is_number
+from service.formats.mesh.text import is_off_without_keyword, read_off
+from service.formats.numerals import is_number, significant_line
 from service.formats.text_layout import TextLayout, detect_layout
 from service.formats.text_table import (
     CUT_WARNING,
@@ -30,6 +31,8 @@ from service.formats.text_table import (
     split_text,
 )
 from service.formats.unnamed_columns import name_columns
+
+_NO_KEYWORD = "the text is read as OFF without its keyword: its rows are vertices and faces"
 
 
 def sniff(head: bytes) -> bool:
@@ -59,6 +62,9 @@ def read(
     block = TextBlock(path, text.offset, path.stat().st_size, text.layout.first_row + 1)
     cloud = text.read(block, limits, attributes=attributes)
     text.check_counts(len(cloud.points))
+    if is_off_without_keyword(text.first_line(), len(cloud.points)):
+        mesh = read_off(path, limits, attributes=attributes)
+        return replace(mesh, warnings=(_NO_KEYWORD, *mesh.warnings))
     return replace(cloud, warnings=text.warnings(path) + cloud.warnings)
 
 
@@ -126,6 +132,10 @@ class _Text:
         if ends_with_newline(path):
             return warnings
         return (*warnings, CUT_WARNING)
+
+    def first_line(self) -> str:
+        """Return the first line that is neither blank nor a comment."""
+        return significant_line("\n".join(self.head).encode("latin1")).decode("latin1")
 
     def check_counts(self, rows: int) -> None:
         """Check that there are as many rows as are announced, as in PTS."""

@@ -13,7 +13,7 @@ from service.formats.numerals import significant_line
 from service.formats.text_table import Dialect, read_columns, read_head_lines
 
 _OBJ_KEYWORDS = {b"v", b"vn", b"vt", b"vp", b"o", b"g", b"s", b"f", b"l", b"mtllib", b"usemtl"}
-_OFF_WORD = re.compile(r"(?:ST)?C?N?OFF(\d{0,18})")
+_OFF_WORD = re.compile(r"(?:(?:ST)?C?N?OFF|off)(\d{0,18})")
 """Keyword of OFF, in some files joined to the number of vertices."""
 
 
@@ -31,6 +31,15 @@ def sniff_off(head: bytes) -> bool:
     """Whether the first line that is no comment begins with OFF, COFF, NOFF or the like."""
     words = significant_line(head).decode("latin1").split(maxsplit=2)
     return bool(words) and _OFF_WORD.fullmatch(words[0]) is not None and words[1:2] != ["BINARY"]
+
+
+def is_off_without_keyword(first_line: str, rows: int) -> bool:
+    """Whether a text of so many rows begins with the numbers of its vertices and faces."""
+    words = first_line.split("#")[0].split()
+    if len(words) not in (2, 3) or not all(w.isdecimal() and len(w) < 10 for w in words):
+        return False
+    vertices, faces = int(words[0]), int(words[1])
+    return vertices > 2 and faces > 0 and rows == vertices + faces + (len(words) == 3)
 
 
 def read_obj(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:

@@ -22,6 +22,24 @@ REAL = [
 
 @pytest.mark.real_data
 @pytest.mark.parametrize(("name", "count", "extent"), REAL)
+@pytest.mark.parametrize("first", ["4 2 0", "# mesh\n4 2 0", "4 2", "off\n4 2 0", "OFF4 2 0"])
+def test_off_is_known_without_its_keyword(tmp_path: Path, first: str) -> None:
+    corners = [[0, 0, 0], [1.5, 0, 0], [0, 1, 0], [0, 0, 2.5]]
+    rows = [" ".join(map(str, row)) for row in corners] + ["3 0 1 2", "3 0 1 3"]
+    content = "\n".join([first, *rows]) + "\n"
+    cloud = read_points(write_file(tmp_path, content.encode()), attributes=True)
+    np.testing.assert_array_equal(cloud.points, corners)
+    assert cloud.faces is not None
+    assert len(cloud.faces) == 2
+
+
+@pytest.mark.parametrize("first", ["OFF BINARY\n", "4OFF\n4 2 0\n", "nOFF\n5\n4 2 0\n"])
+def test_other_kinds_of_off_are_named(tmp_path: Path, first: str) -> None:
+    path = write_file(tmp_path, (first + "0 0 0 1 2\n" * 6).encode())
+    with pytest.raises(CloudFileError, match="OFF in binary or of n dimensions"):
+        read_points(path)
+
+
 def test_files_of_real_tools(
     data: Path, name: str, count: int, extent: tuple[float, float, float]
 ) -> None:
