@@ -72,6 +72,13 @@ def _pandas(path: Path) -> int:
     return len(import_module("pandas").read_csv(path, sep=" ", header=None).to_numpy())
 
 
+def _numpy_rows(path: Path) -> int:
+    """Read the rows after a header of known length, as readers by numpy alone do."""
+    with path.open("rb") as file:
+        file.seek(path.stat().st_size - 12 * COUNT)
+        return len(np.fromfile(file, "<f4").reshape(-1, 3).copy())
+
+
 def _numpy(path: Path) -> int:
     return len(np.load(path))
 
@@ -81,6 +88,7 @@ OTHERS: tuple[tuple[str, tuple[str, ...], Callable[[Path], int]], ...] = (
     ("pandas", ("XYZ",), _pandas),
     ("laspy", ("LAS", "LAZ"), _laspy),
     ("numpy", ("NPY",), _numpy),
+    ("numpy", ("PLY, binary", "PCD, binary"), _numpy_rows),
 )
 """Library, the formats that it reads, and the reader that returns the number of points."""
 

@@ -28,6 +28,9 @@ raw figures are in the JSON file of the same name. `make bench` (the peers and t
 where they were. The commands below make one page again. All need the real clouds (`MPE_DATA`), and
 `make peers` installs what the lock file does not hold: PCL's driver and probreg. A load above 1
 says that other programs took part of the time: such seconds compare within a page only.
+
+Written by hand: [files far larger than the memory](large.md) (`python -m benchmarks.large`), and
+[speed of decoding](decode.md) (`python -m benchmarks.decode`).
 """
 PACKAGES = ("mpe", "numpy", "scipy", "numba", "open3d-cpu", "kiss-matcher", "small-gicp", "pycpd")
 

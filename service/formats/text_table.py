@@ -318,7 +318,7 @@ class TableCleaner:
                 )
 
     def _clean_fields(self, fields: list[str]) -> list[str]:
-        if not any(fields):
+        if all(is_missing(item) for item in fields):
             self.missing_rows += 1
             return ["nan"] * len(fields)
         cleaned = ["nan" if item and is_missing(item) else item for item in fields]
