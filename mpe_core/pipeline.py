@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
+from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, MAX_CONTRAST, Evidence
 from mpe_core.assess.free_space import FreeSpace
 from mpe_core.assess.layer_match import LayerMatch
 from mpe_core.assess.near_start import prefer_near_start
@@ -32,6 +32,7 @@ from mpe_core.search.pose_search import (
     SEARCH_LEVELS,
     Candidates,
     SearchLevel,
+    are_close,
     distinct_rows,
     find_poses,
 )
@@ -52,9 +53,12 @@ AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
 """Surface agreement and on-surface fraction by which a pose may fall short of the best one and
 still fit as well. On real pairs, the next best pose falls short by more (docs/tuning.md)."""
 
-AMBIGUITY_LOG_ODDS = 1.5
-"""Log odds by which a pose that would be accepted by itself may fall short of the best one: of two
+AMBIGUITY_SCORE = 1.5
+"""Score by which a pose that would be accepted by itself may fall short of the best one: of two
 such poses at least one is wrong (docs/tuning.md)."""
+
+MIN_FIRST_SCORE = 0.5
+"""Score by itself of a pose that ends the first search: it has met few rivals (docs/tuning.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,14 +131,14 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
-            if self._free_space is not None and _has_convincing(poses, level):
+            if self._free_space is not None and self._has_convincing(_contrasted(poses), level):
                 break  # free space has told slides from the truth
             if level is SEARCH_LEVELS[0] and self._layers is not None:
                 self._search_levelled(poses, progress)
-            poses = self._with_layer_support(poses)
-            if _has_convincing(poses, level):
+            poses = _contrasted(self._with_layer_support(poses))
+            if self._has_convincing(poses, level):
                 break
-        ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
+        ordered = sorted(_contrasted(poses), key=lambda p: p.evidence.sort_key, reverse=True)
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
         return _select_equal(ordered)
@@ -211,7 +215,7 @@ class PosePipeline:
         for done, k in enumerate(rows):
             report(0.5 + 0.5 * done / len(rows))
             is_rival = candidates.scores[k] >= REFINE_ABOVE * candidates.scores[0]
-            if is_rival or not _has_convincing(poses, level):
+            if is_rival or not self._has_convincing(poses, level):
                 poses.append(self.refine(candidates.poses[k]))
 
     def _preselect(self, poses: Array, report: FractionCallback) -> list[int]:
@@ -225,6 +229,17 @@ class PosePipeline:
             evidence = self.scorer.score_after_short_refinement(self._prior.project_to_yaw(T))
             confidence.append(evidence.confidence)
         return sorted(rows, key=lambda row: -confidence[row])[:MAX_REFINED]
+
+    def _has_convincing(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
+        """Whether a pose ends the search at this level."""
+        is_first = level is SEARCH_LEVELS[0]
+        if is_first and self._size_ratio > MAX_CALIBRATED_SIZE_RATIO:
+            return False  # a much larger cloud has more places than the first level finds
+        least = MIN_FIRST_SCORE if is_first else -np.inf
+        return any(
+            pose.evidence.confidence >= level.stop_confidence and pose.evidence.score >= least
+            for pose in poses
+        )
 
     def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""
@@ -280,6 +295,25 @@ def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:
     return [ordered[k] for k in rows]
 
 
+def _contrasted(poses: list[ScoredPose]) -> list[ScoredPose]:
+    """Compare the score of each pose with that of the best different one."""
+    ordered = sorted(poses, key=lambda pose: pose.evidence.score, reverse=True)
+    distinct = select_distinct(ordered)
+    best = distinct[0]
+    second = distinct[1].evidence.score if len(distinct) > 1 else -np.inf
+    return [
+        replace(pose, evidence=replace(pose.evidence, contrast=_contrast(pose, best, second)))
+        for pose in poses
+    ]
+
+
+def _contrast(pose: ScoredPose, best: ScoredPose, second: float) -> float:
+    """Score of the pose less that of the best pose, or of the second if it is that itself."""
+    is_best = are_close(pose.minimum.T, best.minimum.T)
+    rival = second if is_best else best.evidence.score
+    return float(min(pose.evidence.score - rival, MAX_CONTRAST))
+
+
 def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
     """Select the first pose, and those that differ from it but fit as well."""
     best, *others = select_distinct(ordered)
@@ -290,13 +324,9 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
     if not best.accepted:
         return False
-    if other.accepted and other.log_odds > best.log_odds - AMBIGUITY_LOG_ODDS:
+    if other.score > max(best.score - AMBIGUITY_SCORE, 0.0):
         return True
     return (
         other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
         and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_MARGIN_ON_SURFACE
     )
-
-
-def _has_convincing(poses: list[ScoredPose], level: SearchLevel) -> bool:
-    return any(pose.evidence.confidence >= level.stop_confidence for pose in poses)

@@ -8,21 +8,33 @@ import numpy as np
 
 from mpe_core.options import ACCEPTANCE_THRESHOLD
 
-AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT = 18.6, 6.6, -18.7
-"""Logistic model of right against wrong poses, fitted by `python -m benchmarks calibration` to half
-of the pairs; a wrong pose counts twice (docs/tuning.md)."""
+NOISY_AGREEMENT_WEIGHT, NOISY_COVERAGE_WEIGHT, NOISY_INTERCEPT = 18.6, 6.6, -18.7
+"""Logistic model of right against wrong poses where noise hides the shape (docs/tuning.md)."""
 
-SEEN_AGREEMENT_WEIGHT, SEEN_COVERAGE_WEIGHT = 20.0, 1.5
-VIOLATION_WEIGHT, SEEN_INTERCEPT = 20.0, -12.2
-"""The model where both viewpoints are known: of the coverage only the logarithm of what lacks to
-ENOUGH_COVERAGE counts, and free space says the rest (docs/tuning.md)."""
+AGREEMENT_WEIGHT, COVERAGE_WEIGHT, SHAPE_WEIGHT, INTERCEPT = 6.5, 0.6, 8.3, -10.7
+"""The model where shape is told; of the coverage, the logarithm of what lacks to ENOUGH_COVERAGE
+counts (docs/tuning.md)."""
+
+SEEN_AGREEMENT_WEIGHT, SEEN_COVERAGE_WEIGHT, SEEN_SHAPE_WEIGHT = 0.5, 2.6, 9.5
+VIOLATION_WEIGHT, SEEN_INTERCEPT = 19.0, -5.2
+"""The model where shape is told and both viewpoints are known (docs/tuning.md)."""
+
+LAYER_WEIGHT, SEEN_LAYER_WEIGHT = 10.6, 8.2
+"""How much the score falls with what lacks to CONVINCING_LAYER_SUPPORT, without and with
+viewpoints."""
+
+CONTRAST_MODEL, SEEN_CONTRAST_MODEL = (0.66, 0.85, -2.0), (1.0, 1.4, -4.2)
+"""Weights of score and contrast, and intercept, of the model of the best of several poses, without
+and with viewpoints (docs/tuning.md)."""
+
+MAX_CONTRAST = 6.0
+"""Contrast from which on more says nothing; also that of a pose without any rival."""
 
 ENOUGH_COVERAGE, MIN_COVERAGE = 0.3, 0.01
-"""Coverage from which on more says nothing where free space is known, and its least value."""
+"""Coverage from which on more says nothing, and its least value."""
 
-CONVINCING_LAYER_SUPPORT, LAYER_WEIGHT = 0.8, 5.0
-"""Support by the layers from which on a pose counts as the best one, and how much the log odds fall
-with what lacks to it (docs/tuning.md)."""
+CONVINCING_LAYER_SUPPORT = 0.8
+"""Support by the layers from which on a pose counts as the best one (docs/tuning.md)."""
 
 MIN_PLAUSIBLE_AGREEMENT, MIN_PLAUSIBLE_COVERAGE = 0.5, 0.05
 """Agreement and coverage from which on the layers of a pose are a measure for others; right poses
@@ -48,12 +60,16 @@ class Evidence:
     """Share of the source that can have a counterpart, as the caller knows it."""
     size_ratio: float = 1.0
     """Radius of the larger cloud over that of the smaller one."""
+    shape_correlation: float | None = None
+    """Rank correlation of the surface variation of points that meet; None where noise hides it."""
     free_space_violation: float | None = None
     """Share of the visible points of one scan that stand in what the other one saw through; None
     where the scanners' positions are not known."""
     layer_support: float | None = None
     """Score of the pose as seen from above over that of the best pose that was found, from 0 to 1;
     None where the clouds show no ground, or not the same at the pose."""
+    contrast: float | None = None
+    """Score of the pose less that of the best different one; None where no other was compared."""
     degenerate_dof: int = 0
     """Number of directions in which the surfaces slide on themselves; counted only beyond
     MAX_CALIBRATED_SIZE_RATIO."""
@@ -67,26 +83,33 @@ class Evidence:
     def log_odds(self) -> float:
         """Logarithm of the odds that the pose is right."""
         excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
-        return self._log_odds_of_like_size - (2 + self.degenerate_dof) * float(np.log(excess))
+        odds = self.score
+        if self.contrast is not None and self.shape_correlation is not None:
+            model = CONTRAST_MODEL if self.free_space_violation is None else SEEN_CONTRAST_MODEL
+            odds = model[0] * odds + model[1] * min(self.contrast, MAX_CONTRAST) + model[2]
+        return odds - (2 + self.degenerate_dof) * float(np.log(excess))
 
     @property
-    def _log_odds_of_like_size(self) -> float:
-        """Log odds between clouds of like size."""
-        if self.free_space_violation is None:
-            coverage = min(1.0, self.coverage / self.overlap)
-            logit = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * coverage
-            return logit + INTERCEPT - self._lack_of_support
-        coverage = min(max(self.coverage, MIN_COVERAGE), ENOUGH_COVERAGE) / ENOUGH_COVERAGE
-        logit = SEEN_AGREEMENT_WEIGHT * self.surface_agreement
-        logit += SEEN_COVERAGE_WEIGHT * float(np.log(coverage)) + SEEN_INTERCEPT
-        return logit - VIOLATION_WEIGHT * self.free_space_violation - self._lack_of_support
-
-    @property
-    def _lack_of_support(self) -> float:
-        """Fall of the log odds by what the layers of a better pose have and this one lacks."""
-        if self.layer_support is None:
-            return 0.0
-        return LAYER_WEIGHT * max(0.0, CONVINCING_LAYER_SUPPORT - self.layer_support)
+    def score(self) -> float:
+        """Log odds of the pose by itself, between clouds of like size."""
+        coverage = min(1.0, self.coverage / self.overlap)
+        lacking = float(np.log(np.clip(coverage, MIN_COVERAGE, ENOUGH_COVERAGE) / ENOUGH_COVERAGE))
+        violation = self.free_space_violation
+        if self.shape_correlation is None:
+            score = NOISY_AGREEMENT_WEIGHT * self.surface_agreement
+            score += NOISY_COVERAGE_WEIGHT * coverage + NOISY_INTERCEPT
+        elif violation is None:
+            score = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * lacking
+            score += SHAPE_WEIGHT * self.shape_correlation + INTERCEPT
+        else:
+            score = SEEN_AGREEMENT_WEIGHT * self.surface_agreement + SEEN_COVERAGE_WEIGHT * lacking
+            score += SEEN_SHAPE_WEIGHT * self.shape_correlation + SEEN_INTERCEPT
+        if violation is not None:
+            score -= VIOLATION_WEIGHT * violation
+        if self.layer_support is not None:
+            weight = LAYER_WEIGHT if violation is None else SEEN_LAYER_WEIGHT
+            score -= weight * max(0.0, CONVINCING_LAYER_SUPPORT - self.layer_support)
+        return score
 
     @property
     def is_plausible(self) -> bool:
@@ -107,7 +130,6 @@ class Evidence:
 
         The agreement alone does not see that another pose lays more points on the target.
         """
-        if self.free_space_violation is not None:
-            return self.accepted, self.log_odds
-        support = self.on_surface_fraction * self.surface_agreement
-        return self.accepted, support * float(np.exp(-self._lack_of_support))
+        if self.shape_correlation is not None or self.free_space_violation is not None:
+            return self.accepted, self.score
+        return self.accepted, self.on_surface_fraction * self.surface_agreement

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
 from mpe_core.assess.free_space import FreeSpace
+from mpe_core.assess.shape import shape_correlation, tells_shape
+from mpe_core.geometry.cell_list import Points
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.swapped import PlaneRefiner
 from mpe_core.refine.target_planes import Correspondences
@@ -26,6 +28,10 @@ Farther off the target has a hole or ends, and tells nothing about the pose (doc
 MAX_CHANCE_FOR_OVERLAP_TEST = 0.18
 """Share that chance puts on a plane up to which only points over a point of the target count.
 Beyond it, noise decides which points these are (docs/tuning.md)."""
+
+CLOSE_SHARE = 0.5
+"""Share of the planes' radius within which points meet whose shapes are compared: there, both
+neighbourhoods are nearly the same."""
 
 MAX_CHANCE = 0.9
 """Bound on the share that chance puts on a plane, so that some is left to tell poses apart."""
@@ -65,17 +71,23 @@ class PoseScorer:
             ON_SURFACE_TOL_NOISES * regime.roughness,
         )
         self._max_tangential = MAX_TANGENTIAL_SPACINGS * regime.spacing
+        self._tells_shape = tells_shape(planes.variation_of_subset) and tells_shape(
+            planes.variation_of_fixed
+        )
 
     def score(self, T: Array) -> Evidence:
         """Measure the evidence for the pose T (4, 4)."""
-        evidence = self._with_contradictions(self._evidence(self._planes.match(T)), T)
+        evidence = self._with_contradictions(
+            self._evidence(self._planes.match(T), self._planes.variation), T
+        )
         if self._size_ratio <= MAX_CALIBRATED_SIZE_RATIO:
             return evidence
         return replace(evidence, degenerate_dof=self._planes.count_degenerate(T))
 
     def score_after_short_refinement(self, T: Array) -> Evidence:
         """Measure the evidence that a few steps on a subset reach from the pose T (4, 4)."""
-        evidence = self._evidence(self._planes.match_after_short_refinement(T))
+        matches = self._planes.match_after_short_refinement(T)
+        evidence = self._evidence(matches, self._planes.variation_of_subset)
         return self._with_contradictions(evidence, T)
 
     def _with_contradictions(self, evidence: Evidence, T: Array) -> Evidence:
@@ -84,7 +96,7 @@ class PoseScorer:
             evidence = replace(evidence, free_space_violation=self._free_space.violation(T))
         return evidence
 
-    def _evidence(self, matches: Correspondences) -> Evidence:
+    def _evidence(self, matches: Correspondences, variation: Points) -> Evidence:
         near = matches.in_range & (np.abs(matches.normals).sum(axis=1) > 0)
         residual = np.abs(matches.residuals())
         chance = min(self._tolerance / self._planes.radius, MAX_CHANCE)
@@ -96,10 +108,14 @@ class PoseScorer:
         if self._free_space is None:  # otherwise it tells the sides of a surface better
             on_surface &= matches.valid
         share = float(on_surface[telling].mean()) if telling.any() else 0.0
+        close = near & (matches.squared_distance < (CLOSE_SHARE * self._planes.radius) ** 2)
         return Evidence(
             coverage=float(near.mean()),
             on_surface_fraction=float(on_surface.mean()),
             surface_agreement=max(0.0, (share - chance) / (1 - chance)),
             overlap=self._overlap,
             size_ratio=self._size_ratio,
+            shape_correlation=shape_correlation(variation[close], matches.variation[close])
+            if self._tells_shape
+            else None,
         )

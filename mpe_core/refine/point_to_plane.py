@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.preprocess import PreparedCloud, Sample
-from mpe_core.geometry.cell_list import CellList, LocalPlanes
+from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
 from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.options import RegistrationOptions
 from mpe_core.refine import covariance
@@ -93,6 +93,21 @@ class PointToPlane:
     def match(self, T: Array) -> Correspondences:
         """Match the sample at the pose T with the planes."""
         return match_planes(self._sample, self._planes, T)
+
+    @cached_property
+    def variation(self) -> Points:
+        """(N,) surface variation of the moving cloud around the points of the sample."""
+        return self._own_planes(self._sample).surface_variation
+
+    @cached_property
+    def variation_of_subset(self) -> Points:
+        """(n,) surface variation around the points that `match_after_short_refinement` takes."""
+        return self._own_planes(self._subset).surface_variation
+
+    @cached_property
+    def variation_of_fixed(self) -> Points:
+        """(M,) surface variation at some points of the fixed cloud."""
+        return self._planes.variation_of_subset()
 
     def match_after_short_refinement(self, T: Array) -> Correspondences:
         """Match a subset of the sample, after a few steps from the pose T."""

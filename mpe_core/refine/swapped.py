@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.geometry.cell_list import Points
 from mpe_core.geometry.rigid import inverse
 from mpe_core.refine.covariance import PoseUncertainty
 from mpe_core.refine.minimum import Minimum
@@ -24,6 +25,21 @@ class SwappedPointToPlane:
         """Wrap a refiner of which the target is the moving cloud."""
         self._inner = inner
         self.radius = inner.radius
+
+    @property
+    def variation(self) -> Points:
+        """(N,) surface variation of the target around the points of its sample."""
+        return self._inner.variation
+
+    @property
+    def variation_of_subset(self) -> Points:
+        """(n,) surface variation around the points that `match_after_short_refinement` takes."""
+        return self._inner.variation_of_subset
+
+    @property
+    def variation_of_fixed(self) -> Points:
+        """(M,) surface variation at some points of the source."""
+        return self._inner.variation_of_fixed
 
     def point_spacing(self) -> float:
         """Distance between neighbouring points of the source."""

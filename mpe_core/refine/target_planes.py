@@ -54,6 +54,7 @@ class TargetPlanes:
         )
         self._normals = np.zeros_like(self.cells.points)
         self._feet = self.cells.points.copy()
+        self._variation = np.zeros(len(points), np.float32)
         self._is_fitted = np.zeros(len(points), np.bool_)
         self._viewpoint = viewpoint
 
@@ -62,7 +63,7 @@ class TargetPlanes:
         """Radius of the planes, and reach of the matching."""
         return float(self.cells.reach)
 
-    def planes_at(self, rows: NDArray[np.int32]) -> tuple[Points, Points]:
+    def planes_at(self, rows: NDArray[np.int32]) -> tuple[Points, Points, Points]:
         """Planes at the rows (N,) of `cells.points`.
 
         Returns
@@ -72,6 +73,8 @@ class TargetPlanes:
         normals
             (N, 3) unit normals; zero where too few points lie around. They point to the viewpoint,
             or to either side if it is unknown.
+        variation
+            (N,) surface variation around each point.
         """
         new = np.unique(rows[~self._is_fitted[rows]])
         if len(new):
@@ -81,8 +84,15 @@ class TargetPlanes:
             if self._viewpoint is not None:
                 normals = orient_normals(points, normals, self._viewpoint)
             self._feet[new], self._normals[new] = planes.project(points), normals
+            self._variation[new] = planes.surface_variation
             self._is_fitted[new] = True
-        return self._feet[rows], self._normals[rows]
+        return self._feet[rows], self._normals[rows], self._variation[rows]
+
+    def variation_of_subset(self) -> Points:
+        """(N,) surface variation at some of the points."""
+        return self.cells.planes(
+            take_every(self.cells.points, SPACING_SUBSET_POINTS)
+        ).surface_variation
 
     def point_spacing(self) -> float:
         """Distance between neighbouring points, estimated from the number within the radius."""
@@ -108,6 +118,8 @@ class Correspondences:
     """(N,) whether a point of the fixed cloud is within the radius of the planes."""
     valid: NDArray[np.bool_]
     """(N,) whether it is in range and its normal does not oppose that of the sample."""
+    variation: Points
+    """(N,) surface variation of the fixed cloud around the nearest points."""
 
     def distances(self) -> Array:
         """(N,) distances of the nearest points; infinite where none is in range."""
@@ -156,10 +168,10 @@ def match_planes(
     row, squared = target.cells.nearest(moved)
     in_range = row >= 0
     row = np.where(in_range, row, 0).astype(np.int32)
-    feet, normals = target.planes_at(row)
+    feet, normals, variation = target.planes_at(row)
     points = feet if smooth else target.cells.points[row]
     valid = in_range
     if sample.normals is not None:
         outward = np.einsum("ij,nj->ni", T[:3, :3].astype(np.float32), sample.normals)
         valid = in_range & (np.einsum("ni,ni->n", outward, normals) >= 0)
-    return Correspondences(moved, points, normals, squared, in_range, valid)
+    return Correspondences(moved, points, normals, squared, in_range, valid, variation)

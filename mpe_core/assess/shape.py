@@ -1,0 +1,44 @@
+"""Shape: at a right pose bent places meet bent ones, and flat places flat ones.
+
+Flat surfaces that slide on each other match at any shift; where the edges and bends are does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+Variation = NDArray[np.float32]
+
+MIN_SPREAD = 1.35
+"""Square root of the upper over that of the lower quartile of the surface variation from which on
+it tells shape rather than noise: pure noise gives 1.08 to 1.2 (docs/tuning.md)."""
+
+MIN_POINTS = 25
+"""Points that have to meet; the correlation of fewer is chance."""
+
+
+def tells_shape(variation: Variation) -> bool:
+    """Whether the surface variation (N,) of a cloud tells bent places from flat ones."""
+    low, high = np.sqrt(np.quantile(np.maximum(variation, 0), (0.25, 0.75)))
+    return bool(high > MIN_SPREAD * low)
+
+
+def shape_correlation(moving: Variation, fixed: Variation) -> float:
+    """Rank correlation (Spearman 1904) of the surface variation (N,) of points that meet.
+
+    The variation is the smallest eigenvalue of the covariance around a point over the sum of all
+    three (Pauly et al. 2002).
+
+    Returns
+    -------
+    float
+        From -1 to 1; 0 if too few points meet, or if all are alike.
+    """
+    if len(moving) < MIN_POINTS:
+        return 0.0
+    a, b = rankdata(moving), rankdata(fixed)
+    a, b = a - a.mean(), b - b.mean()
+    norm = float(np.sqrt(np.square(a).sum() * np.square(b).sum()))
+    return float((a * b).sum()) / norm if norm > 0 else 0.0
