@@ -4,6 +4,7 @@ from benchmarks.calibration import CALIBRATION
 from benchmarks.closure import CLOSURE
 from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
+from benchmarks.families import FAMILIES_EXPERIMENT
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
 from benchmarks.kinds import KINDS_EXPERIMENT
@@ -22,6 +23,7 @@ if __name__ == "__main__":
             HELD_OUT,
             PARTS,
             SCENES_EXPERIMENT,
+            FAMILIES_EXPERIMENT,
             KINDS_EXPERIMENT,
             CLOSURE,
             CONFIDENCE,

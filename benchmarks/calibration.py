@@ -133,4 +133,4 @@ def _verdict(row: Result) -> Result:
     return {"confidence": evidence.confidence, "accepted": evidence.accepted}
 
 
-CALIBRATION = Experiment("calibration", "The weights of the confidence", run, table)
+CALIBRATION = Experiment("calibration", "The confidence where noise hides the shape", run, table)

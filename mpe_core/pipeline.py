@@ -131,21 +131,24 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
-            if self._free_space is not None and self._has_convincing(_contrasted(poses), level):
+            poses = self.compare(poses)
+            if self._free_space is not None and self._has_convincing(poses, level):
                 break  # free space has told slides from the truth
             if level is SEARCH_LEVELS[0] and self._layers is not None:
                 self._search_levelled(poses, progress)
-            poses = _contrasted(self._with_layer_support(poses))
+                poses = self.compare(poses)
             if self._has_convincing(poses, level):
                 break
-        ordered = sorted(_contrasted(poses), key=lambda p: p.evidence.sort_key, reverse=True)
+        ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
         return _select_equal(ordered)
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
         """Order the poses and that next to the start: near ones first, within the given range."""
-        poses = [*ordered, self.refine(start)]
+        # others elsewhere do not count against a pose where the caller said it is
+        alone = [replace(pose, evidence=replace(pose.evidence, contrast=None)) for pose in ordered]
+        poses = [*alone, self.refine(start)]
         if self._options.max_rotation_deg or self._options.max_translation:
             in_range = self._prior.accepts(np.array([pose.minimum.T for pose in poses]))
             poses = [pose for pose, is_near in zip(poses, in_range, strict=True) if is_near]
@@ -241,6 +244,10 @@ class PosePipeline:
             for pose in poses
         )
 
+    def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
+        """Add to the evidence of each pose how it compares with the others."""
+        return _contrasted(self._with_layer_support(poses))
+
     def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""
         if self._layers is None:
@@ -324,7 +331,7 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
     if not best.accepted:
         return False
-    if other.score > max(best.score - AMBIGUITY_SCORE, 0.0):
+    if other.convinces and other.score > best.score - AMBIGUITY_SCORE:
         return True
     return (
         other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 
 from benchmarks.worlds.families import FAMILIES
 from benchmarks.worlds.scanners import Scan
+from mpe_core import RegistrationOptions
 from mpe_core.geometry.cell_list import voxel_downsample
 from mpe_core.geometry.rigid import apply, inverse
 from tests.factories.clouds import motion, random_rotation
@@ -47,6 +48,13 @@ class WorldPair:
     """(3,) position of the scanner in the target's frame, if there is one."""
     max_rotation_deg: float = ROTATION_TOL_DEG
     max_translation: float = 0.0
+
+    def viewpoint_options(self) -> RegistrationOptions | None:
+        """Return options with both viewpoints; None unless both are known."""
+        if self.source_viewpoint is None or self.target_viewpoint is None:
+            return None
+        (a, b, c), (x, y, z) = self.source_viewpoint.tolist(), self.target_viewpoint.tolist()
+        return RegistrationOptions(source_viewpoint=(a, b, c), target_viewpoint=(x, y, z))
 
 
 def world_pairs(count: int, first: int = 0) -> Iterator[WorldPair]:

@@ -2,30 +2,62 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mpe_core.options import ACCEPTANCE_THRESHOLD
 
-NOISY_AGREEMENT_WEIGHT, NOISY_COVERAGE_WEIGHT, NOISY_INTERCEPT = 18.6, 6.6, -18.7
-"""Logistic model of right against wrong poses where noise hides the shape (docs/tuning.md)."""
 
-AGREEMENT_WEIGHT, COVERAGE_WEIGHT, SHAPE_WEIGHT, INTERCEPT = 6.5, 0.6, 8.3, -10.7
-"""The model where shape is told; of the coverage, the logarithm of what lacks to ENOUGH_COVERAGE
-counts (docs/tuning.md)."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """Logistic model of right against wrong poses: weights of the evidence."""
 
-SEEN_AGREEMENT_WEIGHT, SEEN_COVERAGE_WEIGHT, SEEN_SHAPE_WEIGHT = 0.5, 2.6, 9.5
-VIOLATION_WEIGHT, SEEN_INTERCEPT = 19.0, -5.2
-"""The model where shape is told and both viewpoints are known (docs/tuning.md)."""
+    agreement: float
+    """Weight of the surface agreement."""
+    coverage: float = 0.0
+    """Weight of the coverage."""
+    small_coverage: float = 0.0
+    """Weight of the logarithm of the coverage over ENOUGH_COVERAGE, where there is less."""
+    shape: float = 0.0
+    """Weight of the shape correlation."""
+    violation: float = 0.0
+    """Fall with the violation of free space."""
+    layers: float
+    """Fall with what lacks to CONVINCING_LAYER_SUPPORT."""
+    intercept: float
+    best: tuple[float, float, float] | None = None
+    """Weights of score and contrast, and intercept, of the best of several poses."""
 
-LAYER_WEIGHT, SEEN_LAYER_WEIGHT = 10.6, 8.2
-"""How much the score falls with what lacks to CONVINCING_LAYER_SUPPORT, without and with
-viewpoints."""
 
-CONTRAST_MODEL, SEEN_CONTRAST_MODEL = (0.66, 0.85, -2.0), (1.0, 1.4, -4.2)
-"""Weights of score and contrast, and intercept, of the model of the best of several poses, without
-and with viewpoints (docs/tuning.md)."""
+MODEL = Model(
+    agreement=6.5,
+    small_coverage=0.6,
+    shape=8.3,
+    layers=10.6,
+    intercept=-10.7,
+    best=(0.66, 0.85, -2.0),
+)
+"""Fitted to all families (docs/results/families.md); a wrong pose counts twice."""
+
+SEEN_MODEL = Model(
+    agreement=0.5,
+    small_coverage=2.6,
+    shape=9.5,
+    violation=19.0,
+    layers=8.2,
+    intercept=-5.2,
+    best=(1.0, 1.4, -4.2),
+)
+"""The same where both viewpoints are known (docs/results/families.md)."""
+
+NOISY_MODEL = Model(agreement=18.6, coverage=6.6, layers=5.0, intercept=-18.7)
+"""Where noise hides the shape; fitted to shared pairs with noise (docs/results/calibration.md)."""
+
+NOISY_SEEN_MODEL = Model(
+    agreement=20.0, small_coverage=1.5, violation=20.0, layers=5.0, intercept=-12.2
+)
+"""Where noise hides the shape, but both viewpoints are known (docs/tuning.md)."""
 
 MAX_CONTRAST = 6.0
 """Contrast from which on more says nothing; also that of a pose without any rival."""
@@ -83,33 +115,33 @@ class Evidence:
     def log_odds(self) -> float:
         """Logarithm of the odds that the pose is right."""
         excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
-        odds = self.score
-        if self.contrast is not None and self.shape_correlation is not None:
-            model = CONTRAST_MODEL if self.free_space_violation is None else SEEN_CONTRAST_MODEL
-            odds = model[0] * odds + model[1] * min(self.contrast, MAX_CONTRAST) + model[2]
+        odds, best = self.score, self._model.best
+        if self.contrast is not None and best is not None:
+            odds = best[0] * odds + best[1] * min(self.contrast, MAX_CONTRAST) + best[2]
         return odds - (2 + self.degenerate_dof) * float(np.log(excess))
 
     @property
     def score(self) -> float:
         """Log odds of the pose by itself, between clouds of like size."""
-        coverage = min(1.0, self.coverage / self.overlap)
-        lacking = float(np.log(np.clip(coverage, MIN_COVERAGE, ENOUGH_COVERAGE) / ENOUGH_COVERAGE))
-        violation = self.free_space_violation
+        model, coverage = self._model, min(1.0, self.coverage / self.overlap)
+        small = float(np.log(np.clip(coverage, MIN_COVERAGE, ENOUGH_COVERAGE) / ENOUGH_COVERAGE))
+        support = CONVINCING_LAYER_SUPPORT if self.layer_support is None else self.layer_support
+        return (
+            model.agreement * self.surface_agreement
+            + model.coverage * coverage
+            + model.small_coverage * small
+            + model.shape * (self.shape_correlation or 0.0)
+            - model.violation * (self.free_space_violation or 0.0)
+            - model.layers * max(0.0, CONVINCING_LAYER_SUPPORT - support)
+            + model.intercept
+        )
+
+    @property
+    def _model(self) -> Model:
+        """Model for what is known of the pose."""
         if self.shape_correlation is None:
-            score = NOISY_AGREEMENT_WEIGHT * self.surface_agreement
-            score += NOISY_COVERAGE_WEIGHT * coverage + NOISY_INTERCEPT
-        elif violation is None:
-            score = AGREEMENT_WEIGHT * self.surface_agreement + COVERAGE_WEIGHT * lacking
-            score += SHAPE_WEIGHT * self.shape_correlation + INTERCEPT
-        else:
-            score = SEEN_AGREEMENT_WEIGHT * self.surface_agreement + SEEN_COVERAGE_WEIGHT * lacking
-            score += SEEN_SHAPE_WEIGHT * self.shape_correlation + SEEN_INTERCEPT
-        if violation is not None:
-            score -= VIOLATION_WEIGHT * violation
-        if self.layer_support is not None:
-            weight = LAYER_WEIGHT if violation is None else SEEN_LAYER_WEIGHT
-            score -= weight * max(0.0, CONVINCING_LAYER_SUPPORT - self.layer_support)
-        return score
+            return NOISY_MODEL if self.free_space_violation is None else NOISY_SEEN_MODEL
+        return MODEL if self.free_space_violation is None else SEEN_MODEL
 
     @property
     def is_plausible(self) -> bool:
@@ -118,6 +150,11 @@ class Evidence:
             self.surface_agreement >= MIN_PLAUSIBLE_AGREEMENT
             and self.coverage >= MIN_PLAUSIBLE_COVERAGE
         )
+
+    @property
+    def convinces(self) -> bool:
+        """Whether the pose would be accepted by itself, whatever others there are."""
+        return replace(self, contrast=None).accepted
 
     @property
     def accepted(self) -> bool:

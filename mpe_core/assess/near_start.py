@@ -43,4 +43,5 @@ def prefer_near_start(poses: Sequence[Pose], distance: Callable[[Pose], float]) 
 
 
 def _fits_as_well(other: Evidence, best: Evidence) -> bool:
-    return other.accepted and other.surface_agreement >= best.surface_agreement - AGREEMENT_MARGIN
+    near = other.surface_agreement >= best.surface_agreement - AGREEMENT_MARGIN
+    return other.convinces and near

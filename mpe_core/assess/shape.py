@@ -11,9 +11,12 @@ from scipy.stats import rankdata
 
 Variation = NDArray[np.float32]
 
-MIN_SPREAD = 1.35
-"""Square root of the upper over that of the lower quartile of the surface variation from which on
-it tells shape rather than noise: pure noise gives 1.08 to 1.2 (docs/tuning.md)."""
+MIN_SPREAD = 1.7
+"""Square root of the 95th over that of the 25th percentile of the surface variation from which on
+it tells shape rather than noise: pure noise has 1.2 to 1.6 (docs/tuning.md)."""
+
+FLAT_VARIATION = 1e-4
+"""Surface variation below which all is flat: the order of what rounding left tells nothing."""
 
 MIN_POINTS = 25
 """Points that have to meet; the correlation of fewer is chance."""
@@ -21,7 +24,7 @@ MIN_POINTS = 25
 
 def tells_shape(variation: Variation) -> bool:
     """Whether the surface variation (N,) of a cloud tells bent places from flat ones."""
-    low, high = np.sqrt(np.quantile(np.maximum(variation, 0), (0.25, 0.75)))
+    low, high = np.sqrt(np.quantile(np.maximum(variation, FLAT_VARIATION), (0.25, 0.95)))
     return bool(high > MIN_SPREAD * low)
 
 
@@ -38,7 +41,7 @@ def shape_correlation(moving: Variation, fixed: Variation) -> float:
     """
     if len(moving) < MIN_POINTS:
         return 0.0
-    a, b = rankdata(moving), rankdata(fixed)
+    a, b = (rankdata(np.maximum(each, FLAT_VARIATION)) for each in (moving, fixed))
     a, b = a - a.mean(), b - b.mean()
     norm = float(np.sqrt(np.square(a).sum() * np.square(b).sum()))
     return float((a * b).sum()) / norm if norm > 0 else 0.0

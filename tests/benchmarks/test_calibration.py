@@ -1,4 +1,4 @@
-"""The weights of the confidence are those that were fitted."""
+"""The weights where noise hides the shape are those that were fitted."""
 
 import json
 
@@ -8,12 +8,12 @@ import pytest
 pytest.importorskip("matplotlib")
 from benchmarks.calibration import fit
 from benchmarks.experiment import RESULTS
-from mpe_core.assess.confidence import AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT
+from mpe_core.assess.confidence import NOISY_MODEL
 
 
 def test_the_weights_in_use_are_the_fitted_ones():
     rows = json.loads((RESULTS / "calibration.json").read_text())["result"]["rows"]
-    in_use = (AGREEMENT_WEIGHT, COVERAGE_WEIGHT, INTERCEPT)
+    in_use = (NOISY_MODEL.agreement, NOISY_MODEL.coverage, NOISY_MODEL.intercept)
     np.testing.assert_allclose(fit([r for r in rows if r["half"] == 0]), in_use, atol=0.06)
 
 

@@ -1,0 +1,68 @@
+"""Generated worlds: their truth is true, and their scanners see what is in sight."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("open3d")
+from scipy.spatial import KDTree
+
+from benchmarks.worlds.families import FAMILIES
+from benchmarks.worlds.pairs import foreign_pairs, world_pairs
+from benchmarks.worlds.scanners import terrestrial
+from benchmarks.worlds.scene import Scene
+from mpe_core.assess.free_space import FreeSpace
+from mpe_core.geometry.rigid import apply
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    return {pair.family: pair for pair in world_pairs(1)}
+
+
+def test_there_is_a_pair_of_each_family_that_overlaps(pairs):
+    assert set(pairs) == set(FAMILIES)
+    for pair in pairs.values():
+        assert 0.05 < pair.overlap <= 1, pair.name
+        assert min(len(pair.source), len(pair.target)) > 1000, pair.name
+
+
+def test_the_true_pose_lays_the_scans_on_each_other(pairs):
+    for pair in pairs.values():
+        tree = KDTree(pair.target)
+        radius = pair.max_translation
+        at_truth = np.isfinite(
+            tree.query(apply(pair.T_target_source, pair.source), distance_upper_bound=radius)[0]
+        ).mean()
+        untouched = np.isfinite(tree.query(pair.source, distance_upper_bound=radius)[0]).mean()
+        assert at_truth > 1.5 * untouched, pair.name
+
+
+def test_no_scan_stands_in_the_free_space_of_the_other_at_the_true_pose(pairs):
+    for pair in pairs.values():
+        if pair.source_viewpoint is None:
+            continue
+        points = (pair.source.astype(np.float32), pair.target.astype(np.float32))
+        space = FreeSpace(*points, pair.source_viewpoint, pair.target_viewpoint)
+        assert space.violation(pair.T_target_source) < 0.1, pair.name
+
+
+def test_two_worlds_of_a_kind_have_no_pose():
+    pair = next(iter(foreign_pairs(1)))
+    assert pair.T_target_source is None
+    assert pair.overlap == 0
+
+
+def test_the_same_pair_is_made_again(pairs):
+    again = next(iter(world_pairs(1)))
+    np.testing.assert_array_equal(again.source, pairs[again.family].source)
+
+
+def test_a_box_hides_what_is_behind_it():
+    scene = Scene()
+    scene.box((5, 0, 0), (1, 4, 4))
+    scene.box((8, 0, 0), (1, 2, 2))
+    scan = terrestrial(scene, np.zeros(3), np.random.default_rng(0))
+    ahead = apply(scan.T_world_scan, scan.points)
+    # 3 mm of noise
+    assert ahead[:, 0].min() == pytest.approx(4.5, abs=0.02)
+    assert ahead[:, 0].max() < 5.6
