@@ -53,9 +53,9 @@ AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
 """Surface agreement and on-surface fraction by which a pose may fall short of the best one and
 still fit as well. On real pairs, the next best pose falls short by more (docs/tuning.md)."""
 
-AMBIGUITY_SCORE = 1.5
-"""Score by which a pose that would be accepted by itself may fall short of the best one: of two
-such poses at least one is wrong (docs/tuning.md)."""
+AMBIGUITY_SCORE, AMBIGUITY_ON_SURFACE = 1.5, 0.2
+"""Score and on-surface fraction by which a pose that would be accepted by itself may fall short of
+the best one: of two such poses at least one is wrong (docs/tuning.md)."""
 
 MIN_FIRST_SCORE = 0.5
 """Score by itself of a pose that ends the first search: it has met few rivals (docs/tuning.md)."""
@@ -79,6 +79,8 @@ class PosePipeline:
         prior: PosePrior,
         options: RegistrationOptions,
         size_ratio: float = 1.0,
+        *,
+        compares_shape: bool = True,
     ) -> None:
         """Choose the refiner that suits noise and density of the clouds.
 
@@ -92,6 +94,8 @@ class PosePipeline:
             Options of the registration.
         size_ratio
             Radius of the larger cloud over that of the smaller one.
+        compares_shape
+            Whether points have to meet points of the same local shape.
         """
         self.source, self.target, self._prior, self._options = source, target, prior, options
         self._size_ratio = size_ratio
@@ -105,6 +109,7 @@ class PosePipeline:
             # near an initial pose there are no more chance fits than on a cloud of like size
             size_ratio=size_ratio if prior.initial is None else 1.0,
             free_space=self._free_space,
+            compares_shape=compares_shape,
         )
         self.planes = planes
         self.refiner: Refiner = planes
@@ -331,7 +336,11 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
     if not best.accepted:
         return False
-    if other.convinces and other.score > best.score - AMBIGUITY_SCORE:
+    if (
+        other.convinces
+        and other.score > best.score - AMBIGUITY_SCORE
+        and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_ON_SURFACE
+    ):
         return True
     return (
         other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT

@@ -61,6 +61,7 @@ def register_rigidly(
     *,
     levels: Sequence[SearchLevel] = SEARCH_LEVELS,
     start: NDArray[np.float64] | None = None,
+    compares_shape: bool = True,
 ) -> Attempt:
     """Find the rigid pose that lays the source on the target.
 
@@ -76,6 +77,8 @@ def register_rigidly(
         Levels of the search.
     start
         (4, 4) pose between the caller's clouds, to be refined without a search.
+    compares_shape
+        Whether points have to meet points of the same local shape.
     """
     with progress.stage("prepare") as report:
         pair = normalize_pair(source, target)
@@ -83,7 +86,9 @@ def register_rigidly(
         clouds = prepare_clouds(pair, options)
         report(0.8)
         prior = PosePrior.from_options(options, pair)
-        pipeline = PosePipeline(*clouds, prior, options, pair.size_ratio)
+        pipeline = PosePipeline(
+            *clouds, prior, options, pair.size_ratio, compares_shape=compares_shape
+        )
     if start is None:
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
@@ -207,7 +212,8 @@ def _find_flat(
     walls = [validate_cloud(outline.raise_walls(), "outline") for outline in outlines]
     is_level = planes[0].is_level and planes[1].is_level
     searched = RegistrationOptions(yaw_only=is_level, overlap=options.overlap, seed=options.seed)
-    attempt = register_rigidly(walls[0], walls[1], searched, progress)
+    # what the walls' surface is like comes from the spacing of the points
+    attempt = register_rigidly(walls[0], walls[1], searched, progress, compares_shape=False)
     T = lay_flat(attempt.found.T_target_source)
     evidence = weigh_outline(attempt.best.evidence, T, *outlines)
     lifted = inverse(planes[1].T) @ T @ planes[0].T

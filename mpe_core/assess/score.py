@@ -29,6 +29,10 @@ MAX_CHANCE_FOR_OVERLAP_TEST = 0.18
 """Share that chance puts on a plane up to which only points over a point of the target count.
 Beyond it, noise decides which points these are (docs/tuning.md)."""
 
+MAX_SHAPE_RADIUS = 0.12
+"""Radius of the planes, in radii of the smaller cloud, up to which they tell shape: wider ones hold
+several surfaces."""
+
 CLOSE_SHARE = 0.5
 """Share of the planes' radius within which points meet whose shapes are compared: there, both
 neighbourhoods are nearly the same."""
@@ -47,6 +51,8 @@ class PoseScorer:
         overlap: float,
         size_ratio: float,
         free_space: FreeSpace | None = None,
+        *,
+        compares_shape: bool = True,
     ) -> None:
         """Choose the tolerances for a pair of clouds.
 
@@ -62,6 +68,8 @@ class PoseScorer:
             Radius of the larger cloud over that of the smaller one.
         free_space
             What both scanners saw through, where their positions are known.
+        compares_shape
+            Whether points have to meet points of the same local shape.
         """
         self._free_space = free_space
         self._planes, self._overlap, self._size_ratio = planes, overlap, size_ratio
@@ -71,8 +79,11 @@ class PoseScorer:
             ON_SURFACE_TOL_NOISES * regime.roughness,
         )
         self._max_tangential = MAX_TANGENTIAL_SPACINGS * regime.spacing
-        self._tells_shape = tells_shape(planes.variation_of_subset) and tells_shape(
-            planes.variation_of_fixed
+        self._tells_shape = (
+            compares_shape
+            and planes.radius <= MAX_SHAPE_RADIUS
+            and tells_shape(planes.variation_of_subset)
+            and tells_shape(planes.variation_of_fixed)
         )
 
     def score(self, T: Array) -> Evidence:
