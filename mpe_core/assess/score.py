@@ -29,7 +29,7 @@ MAX_CHANCE_FOR_OVERLAP_TEST = 0.18
 """Share that chance puts on a plane up to which only points over a point of the target count.
 Beyond it, noise decides which points these are (docs/tuning.md)."""
 
-MAX_SHAPE_RADIUS = 0.12
+MAX_SHAPE_RADIUS = 0.085
 """Radius of the planes, in radii of the smaller cloud, up to which they tell shape: wider ones hold
 several surfaces."""
 

@@ -48,7 +48,8 @@ def reports(trial, options, leave_at=None):
 )
 def test_a_caller_may_leave_at_a_report(trial, options, least):
     whole = reports(trial, options)
-    assert [stage for stage, _ in whole].count("prepare") == 4
+    # a pose that is not accepted is asked for at other scales, too
+    assert [stage for stage, _ in whole].count("prepare") >= 4
     within_search = [k for k, (stage, _) in enumerate(whole) if stage == "search"][1:]
     assert len(within_search) >= least
     for k in (0, 1, within_search[len(within_search) // 2], len(whole) - 1):
