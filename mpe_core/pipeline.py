@@ -231,12 +231,12 @@ class PosePipeline:
         rows = list(range(len(poses)))
         if len(rows) <= MAX_REFINED or self._regime.uses_full_sum:
             return rows[:MAX_REFINED]
-        confidence = []
+        keys = []
         for done, T in enumerate(poses):
             report(done / len(poses))
             evidence = self.scorer.score_after_short_refinement(self._prior.project_to_yaw(T))
-            confidence.append(evidence.confidence)
-        return sorted(rows, key=lambda row: -confidence[row])[:MAX_REFINED]
+            keys.append(evidence.sort_key)
+        return sorted(rows, key=lambda row: keys[row], reverse=True)[:MAX_REFINED]
 
     def _has_convincing(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
         """Whether a pose ends the search at this level."""

@@ -83,7 +83,7 @@ def street(rng, count):
         # without noise it is flat, and its outline tells
         (plane, ["turn z", "move x", "move y"], 0.005),
         (street, ["move x"], 0),
-        (street, ["move x"], 0.005),
+        (street, ["move x"], 0.002),
     ],
 )
 def test_directions_that_nothing_resists_are_named(shape, expected, noise):
