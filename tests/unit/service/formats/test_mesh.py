@@ -20,8 +20,6 @@ REAL = [
 ]
 
 
-@pytest.mark.real_data
-@pytest.mark.parametrize(("name", "count", "extent"), REAL)
 @pytest.mark.parametrize("first", ["4 2 0", "# mesh\n4 2 0", "4 2", "off\n4 2 0", "OFF4 2 0"])
 def test_off_is_known_without_its_keyword(tmp_path: Path, first: str) -> None:
     corners = [[0, 0, 0], [1.5, 0, 0], [0, 1, 0], [0, 0, 2.5]]
@@ -40,6 +38,8 @@ def test_other_kinds_of_off_are_named(tmp_path: Path, first: str) -> None:
         read_points(path)
 
 
+@pytest.mark.real_data
+@pytest.mark.parametrize(("name", "count", "extent"), REAL)
 def test_files_of_real_tools(
     data: Path, name: str, count: int, extent: tuple[float, float, float]
 ) -> None:
