@@ -35,7 +35,7 @@ from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.pipeline import PosePipeline, ScoredPose
 from mpe_core.search.pose_prior import PosePrior
-from mpe_core.search.pose_search import QUICK, THOROUGH
+from mpe_core.search.pose_search import QUICK, THOROUGH, are_close
 from tests.factories.checks import pose_error
 from tests.factories.clouds import Array, Pair, real_trial
 
@@ -204,10 +204,9 @@ def poses_of(rows: Sequence[Result], *, seen: bool, without: Sequence[str] = ())
         X = np.array([_features(row) for row in mine])
         X[:, columns] = 0.0
         T = np.array([row["T"] for row in mine])
-        turned = np.linalg.norm(T[:, None, :, :3] - T[None, :, :, :3], axis=(2, 3)) > 0.197
-        shifted = np.linalg.norm(T[:, None, :, 3] - T[None, :, :, 3], axis=2) > 0.1
+        apart = np.array([~are_close(T, each) for each in T])
         right = np.array([row["right"] for row in mine])
-        gathered.append(Poses(mine[0]["family"], mine[0]["possible"], X, right, turned | shifted))
+        gathered.append(Poses(mine[0]["family"], mine[0]["possible"], X, right, apart))
     return gathered
 
 

@@ -136,12 +136,13 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
-            poses = self.compare(poses)
-            if self._free_space is not None and self._has_convincing(poses, level):
-                break  # free space has told slides from the truth
-            if level is SEARCH_LEVELS[0] and self._layers is not None:
+            # what free space has told from slides needs no levelled search
+            is_told = self._free_space is not None and self._has_convincing(
+                self.compare(poses), level
+            )
+            if level is SEARCH_LEVELS[0] and self._layers is not None and not is_told:
                 self._search_levelled(poses, progress)
-                poses = self.compare(poses)
+            poses = self.compare(poses)
             if self._has_convincing(poses, level):
                 break
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)

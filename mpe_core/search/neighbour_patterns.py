@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mpe_core.geometry.rigid import fit
+from mpe_core.geometry.rigid import apply, fit
 from mpe_core.search.congruence import Coincidence
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def match_patterns(source: Array, target: Array, seed: int) -> tuple[Coincidence
     best, most = np.eye(4), -1
     for row, other in zip(tried, alike, strict=True):
         T = fit(source[rows_here[row]], target[rows_there[other]])
-        distances, _ = _nearest(tree, _moved(T, counted))
+        distances, _ = _nearest(tree, apply(T, counted))
         count = int((distances < 3 * TOLERANCE * spacing).sum())
         if count > most:
             best, most = T, count
@@ -58,20 +58,15 @@ def match_patterns(source: Array, target: Array, seed: int) -> tuple[Coincidence
 
 def _polish(T: Array, source: Array, target: Array, tree: cKDTree, tolerance: float) -> Coincidence:
     for _ in range(POLISH_ROUNDS):
-        distances, rows = _nearest(tree, _moved(T, source))
+        distances, rows = _nearest(tree, apply(T, source))
         near = distances < 3 * tolerance
         if near.sum() <= NEIGHBOURS:
             break
         T = fit(source[near], target[rows[near]])
-    distances, _ = _nearest(tree, _moved(T, source))
+    distances, _ = _nearest(tree, apply(T, source))
     return Coincidence(T, distances, int((distances < tolerance).sum()))
 
 
 def _nearest(tree: cKDTree, queries: Array, count: int = 1) -> tuple[Array, NDArray[np.int64]]:
     distances, rows = tree.query(queries, count)
     return np.asarray(distances), np.asarray(rows, np.int64)
-
-
-def _moved(T: Array, points: Array) -> Array:
-    """(N, 3) points at the pose T, with the same bits on any number of threads."""
-    return np.asarray(np.einsum("ij,nj->ni", T[:3, :3], points) + T[:3, 3])
