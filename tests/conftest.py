@@ -12,6 +12,7 @@ from tests.factories.postgres import Postgres, find_programs, running_postgres
 
 PROJECT = Path(__file__).parent.parent
 DATA = Path(os.environ.get("MPE_DATA", PROJECT.parent / "shared" / "data"))
+SERVER_TESTS = [PROJECT / "tests" / folder for folder in ("e2e", "unit/service")]
 REQUIRED = os.environ.get("MPE_REQUIRE_REAL_DATA") == "1"
 
 POSTGRES_REQUIRED = os.environ.get("MPE_REQUIRE_POSTGRES") == "1"
@@ -36,6 +37,16 @@ def postgres() -> Iterator[Postgres]:
         (pytest.fail if POSTGRES_REQUIRED else pytest.skip)(NO_POSTGRES)
     with running_postgres(programs) as running:
         yield running
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Try tests of servers, children and waits again once; a wrong pose never gets a second chance.
+
+    They have deadlines, which a machine that is busy for a minute misses; `-ra` lists them.
+    """
+    for item in items:
+        if any(folder in item.path.parents for folder in SERVER_TESTS):
+            item.add_marker(pytest.mark.flaky(reruns=1, reruns_delay=5))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -14,7 +14,7 @@ from service.auth.keys import DEFAULT_TENANT
 from service.jobs.model import JobRow
 from service.runtime import Runtime
 from tests.factories.api import XYZ, IdleWorkers, on_api
-from tests.factories.jobs import OUTCOME, claim, new_job
+from tests.factories.jobs import LEASE_S, OUTCOME, claim, new_job
 
 FILES = {"source": ("a", XYZ), "target": ("b", XYZ)}
 PATH = "/v1/registrations"
@@ -87,11 +87,14 @@ def test_input_that_failed_within_the_wait_is_a_problem(tmp_path: Path) -> None:
     async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
         error = {"type": "urn:mpe:problem:t", "title": "T", "status": 422, "detail": "d"}
 
-        def fail() -> None:
-            runtime.transitions.fail(claim(runtime.transitions), error, {})
+        async def fail() -> None:
+            while (job := runtime.transitions.claim("register", lease_s=LEASE_S)) is None:
+                await asyncio.sleep(0.02)
+            runtime.transitions.fail(job, error, {})
 
-        asyncio.get_running_loop().call_later(0.3, fail)
-        response = await client.post(PATH, files=FILES, headers={"Prefer": "wait=60"})
+        async with asyncio.TaskGroup() as group:
+            group.create_task(fail())
+            response = await client.post(PATH, files=FILES, headers={"Prefer": "wait=60"})
         assert response.status_code == 422
         assert response.headers["Content-Type"] == "application/problem+json"
         job_id = response.headers["Location"].rpartition("/")[2]
