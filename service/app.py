@@ -24,6 +24,7 @@ from service.api.routes import (
     formats,
     health,
     inliers,
+    previews,
     registrations,
     uploads,
 )
@@ -35,6 +36,7 @@ ROUTE_MODULES = (
     registrations,
     inliers,
     aligned,
+    previews,
     events,
     deliveries,
     clouds,

@@ -39,6 +39,7 @@ EXAMPLE: dict[str, Any] = {
     "result_expires_at": "2026-01-12T09:30:00.350000Z",
     "expires_at": "2026-02-04T09:30:00.350000Z",
     "timing": {"queued_s": 0.004, "decode_s": 0.06, "search_s": 0.1, "total_s": 0.35},
+    "confidence": 0.98,
     "warnings": ["2 rows of the source were ignored: they hold NaN or infinity"],
     "error": None,
     "result": {
@@ -138,6 +139,9 @@ class JobSummary(ResponseModel):
         description="Time at which the registration is deleted (UTC); null until it has ended."
     )
     timing: Timing
+    confidence: float | None = Field(
+        None, description="That of the result, in [0, 1]; null until there is one."
+    )
     warnings: list[str] = Field(
         description="Oddities of the input or the result, in words. Kept for one release: "
         "`result.warnings` has them with codes."

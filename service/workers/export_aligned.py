@@ -15,11 +15,11 @@ from service.formats import DecodedCloud, read_crs, read_pieces
 from service.storage.blobs import blob_path
 from service.workers.messages import MAX_WARNINGS, Exported, clip
 from service.workers.progress import ProgressReport
-from service.workers.task import Task
+from service.workers.task import FileTask
 
 
 @dataclass(frozen=True, slots=True)
-class ExportAligned(Task):
+class ExportAligned(FileTask):
     """Write the transformed source, with the target if that is wanted, to `output`."""
 
     transform: list[list[float]]

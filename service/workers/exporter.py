@@ -1,11 +1,11 @@
-"""Exports of aligned clouds: a bounded number of child processes at once."""
+"""Exports: files written for a caller, in a bounded number of child processes at once."""
 
 from __future__ import annotations
 
 import secrets
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,9 +25,8 @@ from service.storage.plain_file import is_plain_file
 from service.storage.scratch import scratch_folder
 from service.telemetry.json_logs import job_context
 from service.workers.child import Child, ChildLostError
-from service.workers.export_aligned import ExportAligned
 from service.workers.messages import Answer, Exported, Failed, Problem
-from service.workers.task import TaskEnvironment
+from service.workers.task import FileTask, TaskEnvironment
 
 MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
@@ -45,7 +44,7 @@ class ExportError(ServiceError):
 
 
 @dataclass(frozen=True, slots=True)
-class AlignedFile:
+class ExportedFile:
     """A written file."""
 
     path: Path
@@ -54,7 +53,7 @@ class AlignedFile:
 
 
 class Exporter:
-    """Writes aligned clouds, each in a child process."""
+    """Writes files of registrations, each in a child process."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -66,24 +65,20 @@ class Exporter:
 
     @contextmanager
     def export(
-        self, job: JobRow, transform: list[list[float]], *, format: str, merged: bool
-    ) -> Iterator[AlignedFile]:
-        """Write the source of a registration in its target's frame.
+        self, job: JobRow, make_task: Callable[[TaskEnvironment], FileTask]
+    ) -> Iterator[ExportedFile]:
+        """Write a file of a registration.
 
         Parameters
         ----------
         job : JobRow
             The registration; its clouds are stored.
-        transform : list
-            Pose of the source in the target's frame, (4, 4).
-        format : str
-            A key of service.formats.WRITERS.
-        merged : bool
-            Whether the target is appended.
+        make_task : callable
+            Returns the task that writes the file, for the environment that it runs in.
 
         Yields
         ------
-        AlignedFile
+        ExportedFile
             The file, which is removed when the context ends.
 
         Raises
@@ -97,15 +92,15 @@ class Exporter:
         ExportError, WorkerLostError
             The child process failed or was lost.
         """
-        name = f"{job.id}-aligned-{secrets.token_hex(4)}"
+        name = f"{job.id}-export-{secrets.token_hex(4)}"
         with scratch_folder(self._settings.data_dir, name) as scratch:
             environment = TaskEnvironment.create(
                 job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self._settings
             )
-            task = ExportAligned(environment, transform, job.source, job.target, merged, format)
+            task = make_task(environment)
             with job_context(job.id), self._turn():
                 warnings = self._perform(task)
-            yield AlignedFile(task.output, tuple(warnings))
+            yield ExportedFile(task.output, tuple(warnings))
 
     def stop(self) -> None:
         """Kill the running exports and refuse those that wait."""
@@ -132,7 +127,7 @@ class Exporter:
                 self._running -= 1
                 self._changed.notify_all()
 
-    def _perform(self, task: ExportAligned) -> list[str]:
+    def _perform(self, task: FileTask) -> list[str]:
         """Let a child write the file; return its warnings."""
         try:
             with self._child() as child:
@@ -164,7 +159,7 @@ class Exporter:
             child.close()
 
 
-def _await_answer(child: Child, task: ExportAligned, timeout_s: float) -> Answer:
+def _await_answer(child: Child, task: FileTask, timeout_s: float) -> Answer:
     if not child.wait_until_ready():
         raise ChildLostError("its process did not get ready")
     child.send_task(task)

@@ -15,7 +15,13 @@ from mpe_core import register  # noqa: F401
 from mpe_core.kernels import cell_filter, decimal_rows  # noqa: F401
 from service.schemas import serialize_result  # noqa: F401
 from service.telemetry.json_logs import configure_logs
-from service.workers import child_main, export_aligned, fetch_inputs, register_clouds  # noqa: F401
+from service.workers import (  # noqa: F401
+    child_main,
+    export_aligned,
+    export_preview,
+    fetch_inputs,
+    register_clouds,
+)
 from service.workers.sandbox.confinement import library_paths
 from service.workers.sandbox.limits import (
     die_with_parent,

@@ -81,3 +81,13 @@ class Task(ABC):
     @abstractmethod
     def perform(self, report: ProgressReport) -> Answer:
         """Do the work in this process and return the answer; raise what prevents it."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileTask(Task):
+    """Work whose result is one file; its answer is an Exported."""
+
+    @property
+    @abstractmethod
+    def output(self) -> Path:
+        """The file that is written, in the scratch folder."""

@@ -26,6 +26,7 @@ TUS = {"Tus-Resumable": "1.0.0"}
 # what a call needs beside its path; a route that is not here needs nothing
 NEEDED: dict[tuple[str, str], dict[str, Any]] = {
     ("post", "/v1/registrations"): FORM,
+    ("get", "/v1/registrations/{job_id}/preview"): {"params": {"role": "source"}},
     ("post", "/v1/clouds"): {"content": CLOUD},
     ("put", "/v1/clouds/{cloud_id}"): {"content": CLOUD},
     ("post", "/v1/uploads"): {"headers": TUS | {"Upload-Length": "100"}},

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import json
 from collections.abc import AsyncIterator
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import check_disk, count_file
+from service.api.admission import check_disk
 from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
-from service.api.disconnect import unless_disconnected
 from service.api.download import DownloadResponse
-from service.api.middleware.conditional import NOT_MODIFIED, is_known
-from service.api.threads import OwnThreads
+from service.api.export import FILE, exported_file, require_blobs
+from service.api.middleware.conditional import NOT_MODIFIED
 from service.jobs.fingerprint import hash_json
 from service.jobs.model import JobRow
-from service.problems import ExpiredError, ResultNotReadyError
+from service.problems import ResultNotReadyError
 from service.runtime import Runtime
-from service.workers.exporter import MAX_RUNNING, AlignedFile
+from service.workers.export_aligned import ExportAligned
+from service.workers.exporter import ExportedFile
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
-FILE = "application/octet-stream"
 _MAX_WARNING_LENGTH = 400
 _MAX_HEADER_LENGTH = 4000
 """Characters of a header; proxies allow about 8,000 for all."""
-_EXPORTS = OwnThreads(MAX_RUNNING)
 Format = Annotated[
     Literal["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"],
     Query(description="Format of the file; STL needs a source with faces."),
@@ -56,42 +54,29 @@ async def _export(
     tag: Tag,
     format: Format = "ply",
     merged: Merged = False,
-) -> AsyncIterator[AlignedFile | None]:
-    """Write the file, count it as stored, and remove it once the response has been sent.
-
-    None where the caller has the file already.
-    """
+) -> AsyncIterator[ExportedFile | None]:
+    """Write the file; None where the caller has it already."""
     export = await run_in_threadpool(_prepare, job, runtime, format, merged)
-    if is_known(tag, request.headers.get("If-None-Match", "")):
-        yield None
-        return
-    with ExitStack() as file:
-        await unless_disconnected(request, runtime.export_gate.acquire(job.tenant))
-        try:
-            written = await _EXPORTS.run(lambda: file.enter_context(export))
-        finally:
-            runtime.export_gate.release(job.tenant)
-        try:
-            await run_in_threadpool(file.enter_context, count_file(runtime, caller, written.path))
-            yield written
-        finally:
-            await run_in_threadpool(file.close)
+    async with exported_file(request, runtime, caller, tag, export) as file:
+        yield file
 
 
 def _prepare(
     job: JobRow, runtime: Runtime, format: str, merged: bool
-) -> AbstractContextManager[AlignedFile]:
+) -> AbstractContextManager[ExportedFile]:
     if job.status != "succeeded":
         raise ResultNotReadyError(
             f"The registration is {job.status}; only a result can be applied."
         )
-    blobs = (job.result_sha256, job.source.sha256, job.target.sha256)
-    result, *clouds = (None if blob is None else runtime.blobs.path(blob) for blob in blobs)
-    if result is None or not all(path and path.exists() for path in (result, *clouds)):
-        raise ExpiredError("The result or a cloud has expired; register the clouds again.")
+    result, *_ = require_blobs(runtime, job.result_sha256, job.source.sha256, job.target.sha256)
     transform = json.loads(result.read_bytes())["transform"]
     check_disk(runtime)
-    return runtime.exporter.export(job, transform, format=format, merged=merged)
+    return runtime.exporter.export(
+        job,
+        lambda environment: ExportAligned(
+            environment, transform, job.source, job.target, is_merged=merged, format=format
+        ),
+    )
 
 
 @router.get(
@@ -115,7 +100,7 @@ def _prepare(
     },
 )
 def aligned(
-    job: RequestedJob, file: Annotated[AlignedFile | None, Depends(_export)], tag: Tag
+    job: RequestedJob, file: Annotated[ExportedFile | None, Depends(_export)], tag: Tag
 ) -> Response:
     """Write the file on demand, in a process of its own; not for a caller who has it already."""
     headers = {"ETag": tag}

@@ -29,6 +29,7 @@ from service.workers.child import ChildLostError
 from service.workers.export_aligned import ExportAligned
 from service.workers.exporter import Exporter, ExportError
 from service.workers.messages import Exported, Failed, Problem, Progress, Ready
+from service.workers.task import TaskEnvironment
 from tests.factories.attempts import FakeChild, Line
 from tests.factories.jobs import new_job
 from tests.factories.waiting import until
@@ -62,7 +63,12 @@ def exporter(
 
 
 def export(made: Exporter, *, merged: bool = False) -> Path:
-    with made.export(new_job(), IDENTITY, format="ply", merged=merged) as file:
+    job = new_job()
+
+    def make_task(environment: TaskEnvironment) -> ExportAligned:
+        return ExportAligned(environment, IDENTITY, job.source, job.target, merged, "ply")
+
+    with made.export(job, make_task) as file:
         assert file.path.parent.exists()
         return file.path
 
@@ -189,6 +195,7 @@ from service.clouds.inputs import CloudInput
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers.child import prepare_forkserver
+from service.workers.export_aligned import ExportAligned
 from service.workers.exporter import ExportError, Exporter
 from tests.factories.cloud_files import POINTS, ply
 from tests.factories.jobs import new_job
@@ -205,14 +212,19 @@ exporter = Exporter(Settings(data_dir=data_dir, job_timeout_s=100, job_memory_by
 job = new_job(source=cloud(ply()), target=cloud(b"1 2 3\\n4 5 6\\n7 8 9\\n"))
 T = np.eye(4)
 T[:3, 3] = 1, 2, 3
+
+def aligned(job, merged):
+    return exporter.export(job, lambda environment: ExportAligned(
+        environment, T.tolist(), job.source, job.target, merged, "pcd"))
+
 for merged in (False, True):
-    with exporter.export(job, T.tolist(), format="pcd", merged=merged) as file:
+    with aligned(job, merged) as file:
         exported = read_points(file.path, attributes=True)
         assert np.allclose(exported.points[: len(POINTS)], POINTS + T[:3, 3], atol=1e-4)
         print(len(exported.points) - len(POINTS), "red" in exported.attributes)
 broken = replace(job, source=cloud(b"ply\\nformat ascii 1.0\\nelement vertex 5\\n"))
 try:
-    with exporter.export(broken, T.tolist(), format="ply", merged=False):
+    with aligned(broken, False):
         pass
 except ExportError as error:
     print(error.problem.status, error.problem.slug)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,11 @@ import httpx
 import pytest
 
 from service.clouds.inputs import CloudInput
-from service.jobs.model import Outcome
+from service.jobs.model import JobRow, Outcome
 from service.runtime import Runtime
-from service.workers.exporter import AlignedFile
+from service.settings import Settings
+from service.workers.exporter import ExportedFile
+from service.workers.task import FileTask, TaskEnvironment
 from tests.factories.api import on_api
 from tests.factories.jobs import LEASE_S, new_job
 
@@ -40,11 +42,18 @@ def exports(tmp_path: Path) -> list[str]:
 
 def test_a_known_file_is_not_written_again(tmp_path: Path, exports: list[str]) -> None:
     @contextmanager
-    def export(*_: object, format: str, merged: bool) -> Iterator[AlignedFile]:
-        exports.append(format)
-        path = tmp_path / f"aligned.{format}"
-        path.write_bytes(b"0123456789")
-        yield AlignedFile(path, ())
+    def export(
+        job: JobRow, make_task: Callable[[TaskEnvironment], FileTask]
+    ) -> Iterator[ExportedFile]:
+        settings = Settings(data_dir=tmp_path)
+        task = make_task(
+            TaskEnvironment.create(
+                job_id=job.id, tenant=job.tenant, scratch=tmp_path, settings=settings
+            )
+        )
+        exports.append(task.output.suffix[1:])
+        task.output.write_bytes(b"0123456789")
+        yield ExportedFile(task.output, ())
 
     async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
         url = f"/v1/registrations/{add_finished(runtime)}/aligned"

@@ -1,0 +1,67 @@
+"""Responses whose file is written on demand, in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
+from pathlib import Path
+
+from fastapi import Request
+from starlette.concurrency import run_in_threadpool
+
+from service.api.admission import count_file
+from service.api.disconnect import unless_disconnected
+from service.api.middleware.conditional import is_known
+from service.api.threads import OwnThreads
+from service.auth.authenticator import Caller
+from service.problems import ExpiredError
+from service.runtime import Runtime
+from service.workers.exporter import MAX_RUNNING, ExportedFile
+
+FILE = "application/octet-stream"
+_EXPORTS = OwnThreads(MAX_RUNNING)
+
+
+def require_blobs(runtime: Runtime, *hashes: str | None) -> list[Path]:
+    """Return the paths of stored files.
+
+    Raises
+    ------
+    ExpiredError
+        One of them is no longer stored.
+    """
+    paths = [runtime.blobs.path(each) for each in hashes if each is not None]
+    if len(paths) < len(hashes) or not all(path.exists() for path in paths):
+        raise ExpiredError("The result or a cloud has expired; register the clouds again.")
+    return paths
+
+
+@asynccontextmanager
+async def exported_file(
+    request: Request,
+    runtime: Runtime,
+    caller: Caller,
+    tag: str,
+    export: AbstractContextManager[ExportedFile],
+) -> AsyncIterator[ExportedFile | None]:
+    """Write the file, count it as stored, and remove it when the context ends.
+
+    Yields
+    ------
+    ExportedFile or None
+        None where the caller has the file of this tag already: nothing is written.
+    """
+    if is_known(tag, request.headers.get("If-None-Match", "")):
+        yield None
+        return
+    with ExitStack() as file:
+        await unless_disconnected(request, runtime.export_gate.acquire(caller.tenant))
+        try:
+            written = await _EXPORTS.run(lambda: file.enter_context(export))
+        finally:
+            runtime.export_gate.release(caller.tenant)
+        try:
+            await run_in_threadpool(file.enter_context, count_file(runtime, caller, written.path))
+            yield written
+        finally:
+            await run_in_threadpool(file.close)
