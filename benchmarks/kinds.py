@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,9 @@ from numpy.typing import NDArray
 from benchmarks.experiment import Experiment, Result, markdown
 from mpe_core import Registration, RegistrationOptions, register
 from mpe_core.geometry.rigid import apply, inverse, pose
+from service.formats import read_surface, write_cloud
 from tests.factories.clouds import knot, random_rotation
+from tests.factories.meshes import bracket
 
 Array = NDArray[np.float64]
 Made = tuple[Array, Array, Array | None, RegistrationOptions]
@@ -95,6 +99,18 @@ def _dense_spot(rng: np.random.Generator) -> Made:
     return np.vstack([body, body[0] + spot]), _body(rng, 8000), np.arange(len(body)), PLAIN
 
 
+def _mesh(rng: np.random.Generator) -> Made:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "part"
+        write_cloud(path, "obj", bracket(6000))
+        mesh = read_surface(path).points
+        write_cloud(path, "stl", bracket(500))
+        scan = read_surface(path, surface_samples=12_000).points
+    clouds = (mesh, scan) if rng.random() < 0.5 else (scan, mesh)
+    clouds = (clouds[0] / 100, clouds[1] / 100 + rng.normal(0, 0.002, clouds[1].shape))
+    return *clouds, np.arange(len(clouds[0])), PLAIN
+
+
 def _units(rng: np.random.Generator) -> Made:
     factor = rng.choice([0.001, 0.0254, 0.3048, 10.0, 1000.0])
     options = RegistrationOptions(scale="units")
@@ -121,6 +137,7 @@ KINDS: dict[str, Callable[[np.random.Generator], Made]] = {
     "outlines": _outlines,
     "unlike outlines": _other_outlines,
     "97 % in a dense spot": _dense_spot,
+    "a mesh, 99.8 % of the vertices in a thread": _mesh,
     "other units": _units,
     "any scale": _free_scale,
     "mirrored": _mirrored,

@@ -31,7 +31,7 @@ from service.formats import (
     UnsupportedFileError,
     read_crs,
     read_pieces,
-    read_points,
+    read_surface,
 )
 from service.formats.foreign import foreign_by_name
 from service.problems import NotReadyError
@@ -138,17 +138,18 @@ def _read(role: str, arguments: argparse.Namespace) -> DecodedCloud:
     path = getattr(arguments, role)
     reading = {name: getattr(arguments, f"{role}_{name}") for name in Reading.model_fields}
     try:
-        return read_points(path, _read_limits(), **reading, attributes=bool(arguments.output))
+        return read_surface(path, _read_limits(), **reading, attributes=bool(arguments.output))
     except CloudFileError as error:
         named = foreign_by_name(path.name)
         raise type(error)(f"{path}: {error}{f'; {named}' if named else ''}") from error
 
 
 def _pieces(source: DecodedCloud, arguments: argparse.Namespace) -> Iterator[DecodedCloud]:
-    """Yield the source, which is read again where it was thinned."""
+    """Yield the source, the mesh where it was sampled; it is read again where it was thinned."""
     if source.rows is None:
-        return iter([source])
+        return iter([source.mesh or source])
     reading = {name: getattr(arguments, f"source_{name}") for name in Reading.model_fields}
+    del reading["surface_samples"]
     return read_pieces(arguments.source, _read_limits(), **reading, attributes=True)
 
 

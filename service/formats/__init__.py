@@ -22,6 +22,7 @@ from service.formats.errors import (
 from service.formats.las_metadata import LasMetadata, LasRecord
 from service.formats.read import read_crs, read_pieces, read_points, sniff, sniff_file
 from service.formats.registry import FORMATS, Format
+from service.formats.surface import read_surface
 from service.formats.writers import WRITERS, write_cloud, write_pieces, write_ply
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "read_crs",
     "read_pieces",
     "read_points",
+    "read_surface",
     "sniff",
     "sniff_file",
     "warn_unlike",

@@ -32,13 +32,15 @@ class DecodedCloud:
     weights: NDArray[np.generic] | None = None
     """(N,) the attribute requested as the weight of each point."""
     faces: NDArray[np.int64] | None = None
-    """(F, 3) triangles of a mesh as indices of points; only if attributes are requested."""
+    """(F, 3) triangles of a mesh as indices of points; only if requested."""
     las: LasMetadata | None = None
     """How a LAS file stores its points; only if attributes are requested."""
     crs: tuple[LasRecord, ...] = ()
     """Records of LAS that say in which coordinate system the points are."""
     rows: NDArray[np.int64] | None = None
     """(N,) rows of the file that are kept, where it was thinned while read; None: all are."""
+    mesh: DecodedCloud | None = None
+    """The mesh whose surface the points are samples of."""
 
 
 PIECE_BYTES = 32 << 20

@@ -37,8 +37,10 @@ def sniff(head: bytes) -> bool:
     return head.startswith(MAGIC)
 
 
-def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
-    """Read the points of a cloud or mesh, and its normals; `attributes` adds colours and faces.
+def read(
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
+) -> DecodedCloud:
+    """Read the points of a cloud or mesh, and its normals; `attributes` adds colours.
 
     Raises
     ------
@@ -49,20 +51,17 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     mesh = decode_draco(content, limits)
     points = np.asarray(mesh.points)
     normals = _rows(mesh, "normals", len(points))
-    kept: dict[str, NDArray[np.generic]] = {}
-    faces: NDArray[np.int64] | None = None
-    if attributes:
-        kept = _attributes(mesh, len(points))
-        if content[7] == _IS_MESH:
-            faces = check_faces(np.asarray(mesh.faces, np.int64).reshape(-1, 3), len(points))
+    triangles = np.empty((0, 3), np.int64)
+    if faces and content[7] == _IS_MESH:
+        triangles = check_faces(np.asarray(mesh.faces, np.int64).reshape(-1, 3), len(points))
     kind = np.float32 if points.dtype == np.float32 else np.float64
     return DecodedCloud(
         points.astype(kind, copy=False),
         "draco",
         (),
         normals,
-        attributes=kept,
-        faces=faces if faces is not None and len(faces) else None,
+        attributes=_attributes(mesh, len(points)) if attributes else {},
+        faces=triangles if len(triangles) else None,
     )
 
 

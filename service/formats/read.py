@@ -36,7 +36,7 @@ _FLOAT_ROWS = (
     "; it looks like rows of float32: declare the format 'kitti', and 'columns' unless they are "
     "x, y, z, intensity"
 )
-EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "surface_samples", "columns")
+EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "columns")
 """Choices that are an error for a format without them."""
 _MAYBE_DEGREES = ("las", "laz", "xyz")
 """Formats of surveys, which may hold longitude and latitude."""
@@ -68,12 +68,14 @@ def read_points(
     *,
     format: str | None = None,
     scan: int | None = None,
-    surface_samples: int | None = None,
     weights: str | None = None,
     columns: int | None = None,
     attributes: bool = False,
+    faces: bool = False,
 ) -> DecodedCloud:
     """Decode a cloud file; one with more points than the limit is thinned while it is read.
+
+    Of meshes these are the vertices; `read_surface` samples them.
 
     Parameters
     ----------
@@ -86,9 +88,6 @@ def read_points(
     scan
         Index, from 0, of one scan of an E57 or PTX file; None merges all. Or of one of the clouds
         in a data set of HDF5.
-    surface_samples
-        Number of points to sample on the surface of a mesh, evenly by area; None takes its
-        vertices.
     weights
         Name of the attribute that holds the weight of each point: of PLY, PCD, LAS and LAZ, of
         text with named columns, a field of an NPY, or an array or field of an NPZ.
@@ -97,6 +96,8 @@ def read_points(
     attributes
         Keep the other columns, the faces of meshes, and what LAS says beside its points; only of
         files that are not thinned.
+    faces
+        Keep the faces of meshes.
 
     Returns
     -------
@@ -122,10 +123,10 @@ def read_points(
         limits,
         format=format,
         scan=scan,
-        surface_samples=surface_samples,
         weights=weights,
         columns=columns,
         attributes=attributes,
+        faces=faces or attributes,
     )
     max_points = (limits or ReadLimits()).max_points
     cloud = next(pieces)
@@ -138,7 +139,7 @@ def read_points(
     if weights is None:
         return cloud
     cloud = _take_weights(cloud, weights)
-    return cloud if attributes else replace(cloud, attributes={}, faces=None, las=None)
+    return cloud if attributes else replace(cloud, attributes={}, las=None)
 
 
 def read_pieces(
@@ -172,7 +173,7 @@ def read_pieces(
         raise TruncatedFileError("the file is empty")
     chosen: ReadChoices = {
         "scan": None,
-        "surface_samples": None,
+        "faces": attributes,
         "columns": None,
         "attributes": attributes,
         "weights": weights,

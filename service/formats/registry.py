@@ -32,7 +32,7 @@ from service.formats.decoded_cloud import DecodedCloud
 from service.formats.mesh import gltf
 from service.formats.mesh import text as mesh_text
 
-ReadChoice = Literal["scan", "surface_samples", "attributes", "weights", "columns"]
+ReadChoice = Literal["scan", "faces", "attributes", "weights", "columns"]
 """Keyword arguments of `read_points` that only some formats know."""
 
 
@@ -69,11 +69,11 @@ def _starts_with(*magics: bytes) -> Callable[[bytes], bool]:
 FORMATS = (
     Format(
         "ply",
-        "Stanford PLY: ASCII, binary of both byte orders; the vertices",
+        "Stanford PLY: ASCII, binary of both byte orders; the vertices, or the surface of a mesh",
         (".ply",),
         _starts_with(b"ply\n", b"ply\r\n", b"ply\r", b"ply "),
         ply.read,
-        ("attributes",),
+        ("faces", "attributes"),
         read_pieces=ply.read_pieces,
     ),
     Format(
@@ -154,44 +154,43 @@ FORMATS = (
     ),
     Format(
         "gltf",
-        "glTF 2.0 with its data inside, compressed by Draco or not: vertices, or samples of the "
-        "surface",
+        "glTF 2.0 with its data inside, compressed by Draco or not: the surface, or the vertices",
         (".glb", ".gltf"),
         gltf.sniff,
         mesh.read_gltf,
-        ("surface_samples", "attributes"),
+        ("faces", "attributes"),
     ),
     Format(
         "draco",
-        "Draco (.drc), also within glTF: points or vertices",
+        "Draco (.drc), also within glTF: points, or the surface of a mesh",
         (".drc",),
         draco.sniff,
         draco.read,
-        ("attributes",),
+        ("faces", "attributes"),
     ),
     Format(
         "stl",
-        "STL, binary and ASCII: vertices, or samples of the surface",
+        "STL, binary and ASCII: the surface, or the vertices",
         (".stl",),
         mesh.sniff_stl,
         mesh.read_stl,
-        ("surface_samples", "attributes"),
+        ("faces", "attributes"),
     ),
     Format(
         "obj",
-        "Wavefront OBJ: vertices, or samples of the surface",
+        "Wavefront OBJ: the surface, or the vertices",
         (".obj",),
         mesh_text.sniff_obj,
-        mesh.read_obj,
-        ("surface_samples", "attributes"),
+        mesh_text.read_obj,
+        ("faces", "attributes"),
     ),
     Format(
         "off",
-        "Object File Format: vertices, or samples of the surface",
+        "Object File Format: the surface, or the vertices",
         (".off",),
         mesh_text.sniff_off,
-        mesh.read_off,
-        ("surface_samples", "attributes"),
+        mesh_text.read_off,
+        ("faces",),
     ),
     Format(
         "zip",
@@ -216,7 +215,7 @@ FORMATS = (
         (".xyz", ".txt", ".csv", ".pts", ".asc"),
         xyz.sniff,
         xyz.read,
-        ("weights", "attributes"),
+        ("weights", "faces", "attributes"),
         read_pieces=xyz.read_pieces,
     ),
     Format(

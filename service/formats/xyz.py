@@ -47,11 +47,17 @@ def sniff(head: bytes) -> bool:
 
 
 def read(
-    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+    path: Path,
+    limits: ReadLimits,
+    weights: str | None = None,
+    *,
+    attributes: bool = False,
+    faces: bool = False,
 ) -> DecodedCloud:
     """Read the columns x, y, z (by name, else the first three), and named normals.
 
-    `weights` names a column to keep as an attribute, `attributes` keeps all columns of numbers.
+    `weights` names a column to keep as an attribute, `attributes` keeps all columns of numbers,
+    `faces` those of an OFF file without its keyword.
 
     Raises
     ------
@@ -63,15 +69,20 @@ def read(
     cloud = text.read(block, limits, attributes=attributes)
     text.check_counts(len(cloud.points))
     if is_off_without_keyword(text.first_line(), len(cloud.points)):
-        mesh = read_off(path, limits, attributes=attributes)
+        mesh = read_off(path, limits, faces=faces)
         return replace(mesh, warnings=(_NO_KEYWORD, *mesh.warnings))
     return replace(cloud, warnings=text.warnings(path) + cloud.warnings)
 
 
 def read_pieces(
-    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+    path: Path,
+    limits: ReadLimits,
+    weights: str | None = None,
+    *,
+    attributes: bool = False,
+    faces: bool = False,
 ) -> Iterator[DecodedCloud]:
-    """Read as `read` does, in consecutive pieces."""
+    """Read as `read` does, in consecutive pieces, without faces."""
     text, rows = _Text.open(path, limits, weights), 0
     for block in split_text(path, text.offset, text.layout.first_row + 1, limits):
         cloud = text.read(block, limits, attributes=attributes)

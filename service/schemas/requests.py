@@ -73,10 +73,10 @@ class Reading(StrictModel):
     )
     surface_samples: int | None = Field(
         default=None,
-        ge=3,
+        ge=0,
         le=50_000_000,
-        description="Points to take from the surface of a mesh, spread evenly by area; "
-        "null: its vertices.",
+        description="Points to take from the surface of a mesh, spread evenly by area; inlier "
+        "pairs number them. 0: the vertices. null: as many as vertices, at least 50,000.",
     )
     weights: Annotated[str, StringConstraints(pattern=r"^[^\x00]{1,256}$")] | None = Field(
         default=None,

@@ -27,7 +27,8 @@ class InlierSummary(ResponseModel):
     threshold: float = Field(ge=0, description="Largest distance of a pair, in the input's unit.")
     pairs: list[IndexPair] | None = Field(
         description="[source index, target index] of each pair, counted from 0 in the order of the "
-        f"files; null above {MAX_INLINE_PAIRS:,} pairs: fetch .../inliers then."
+        f"files, or of the samples of a mesh; null above {MAX_INLINE_PAIRS:,} pairs: fetch "
+        ".../inliers then."
     )
 
 

@@ -17,6 +17,9 @@ from service.workers.messages import MAX_WARNINGS, Exported, clip
 from service.workers.progress import ProgressReport
 from service.workers.task import FileTask
 
+_SAMPLES = "surface_samples"
+"""The choice that a written mesh does without: its vertices are moved, its faces are kept."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExportAligned(FileTask):
@@ -62,7 +65,8 @@ class ExportAligned(FileTask):
 
     def _read(self, cloud: CloudInput) -> Iterator[DecodedCloud]:
         limits = self.environment.read_limits
-        return read_pieces(self._path(cloud), limits, **cloud.reading, attributes=True)
+        reading = {name: choice for name, choice in cloud.reading.items() if name != _SAMPLES}
+        return read_pieces(self._path(cloud), limits, **reading, attributes=True)
 
     def _path(self, cloud: CloudInput) -> Path:
         assert cloud.sha256 is not None  # noqa: S101

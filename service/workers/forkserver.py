@@ -9,7 +9,7 @@ import DracoPy  # noqa: F401
 import h5py  # noqa: F401
 import laspy  # noqa: F401
 import pye57  # noqa: F401
-import trimesh.sample  # noqa: F401
+import trimesh  # noqa: F401
 
 from mpe_core import register  # noqa: F401
 from mpe_core.kernels import cell_filter, decimal_rows  # noqa: F401

@@ -11,7 +11,7 @@ import numpy as np
 from mpe_core import RegistrationOptions
 from service.clouds.file_rows import in_file_rows
 from service.clouds.inputs import CloudInput
-from service.formats import CloudFileError, DecodedCloud, read_points, warn_unlike
+from service.formats import CloudFileError, DecodedCloud, read_surface, warn_unlike
 from service.storage.blobs import blob_path
 from service.storage.decoded_cache import decoded_path, load_or_decode
 from service.workers.messages import MAX_WARNINGS, Succeeded, clip
@@ -91,12 +91,12 @@ class RegisterClouds(Task):
             if is_cached_decoded(cloud):
                 decoded = load_or_decode(
                     self._entry(cloud),
-                    lambda: read_points(path, limits),
+                    lambda: read_surface(path, limits),
                     scratch,
                     limits.max_points,
                 )
             else:
-                decoded = read_points(path, limits, **cloud.reading)
+                decoded = read_surface(path, limits, **cloud.reading)
         except CloudFileError as error:
             raise type(error)(f"{role}: {error}") from error
         return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))

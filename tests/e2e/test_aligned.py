@@ -12,10 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from service.formats import WRITERS, DecodedCloud, read_points
+from mpe_core.geometry.rigid import pose
+from service.clouds.transform import transform_cloud
+from service.formats import WRITERS, DecodedCloud, read_points, write_cloud
 from service.formats.column_names import find_normals
 from tests.factories.cloud_files import NORMALS, POINTS, pcd, ply
-from tests.factories.scanner_files import DOUBLES, FACES, las, obj
+from tests.factories.meshes import bracket
+from tests.factories.scanner_files import DOUBLES, las
 from tests.factories.server import Server, running_server
 from tests.factories.waiting import until
 
@@ -89,9 +92,29 @@ def test_what_is_lost_is_named(server: Server) -> None:
     refused = server.client.get(f"/v1/registrations/{job}/aligned?format=stl")
     assert refused.status_code in (415, 422)
     assert "write PLY" in refused.json()["detail"]
-    mesh, _ = registered(server, obj(), target())
-    answer = server.client.get(f"/v1/registrations/{mesh}/aligned?format=stl")
-    assert (answer.status_code, len(answer.content)) == (200, 84 + 50 * len(FACES))
+
+
+def test_of_a_mesh_samples_are_registered_and_vertices_moved(
+    server: Server, tmp_path: Path
+) -> None:
+    mesh = bracket(300)
+    write_cloud(tmp_path / "mesh.obj", "obj", mesh)
+    write_cloud(tmp_path / "goal.glb", "glb", transform_cloud(mesh, pose(TURN, np.zeros(3))))
+    content, goal = ((tmp_path / name).read_bytes() for name in ("mesh.obj", "goal.glb"))
+    reading = {"source": {"surface_samples": 9000}}
+    answer = server.submit(content, goal, wait=60, reading=json.dumps(reading))
+    assert answer.status_code == 200, answer.text
+    result, job = answer.json()["result"], answer.json()["id"]
+    told = [each["message"] for each in result["warnings"] if each["code"] == "file"]
+    assert [text.split(" points")[0] for text in told] == ["source: 9000", "target: 50000"]
+    assert result["accepted"]
+    rows = np.array(result["inliers"]["pairs"])
+    assert rows.max(axis=0) == pytest.approx([9000, 50000], rel=0.01)
+    cloud = fetched(server, job, tmp_path, "format=ply")
+    np.testing.assert_array_equal(cloud.faces, mesh.faces)
+    np.testing.assert_allclose(cloud.points, mesh.points @ TURN.T, atol=0.5)
+    stl = server.client.get(f"/v1/registrations/{job}/aligned?format=stl").content
+    assert len(stl) == 84 + 50 * len(cloud.faces)
 
 
 def test_merged_with_the_target(server: Server, tmp_path: Path) -> None:

@@ -25,7 +25,10 @@ def target() -> bytes:
 @pytest.mark.parametrize("kind", seeds() | scanner_seeds())
 def test_every_kind_is_registered(server: Server, kind: str) -> None:
     content = (seeds() | scanner_seeds())[kind]
-    answer = server.submit(content, target(), wait=60, options=json.dumps({"overlap": 0.9}))
+    options, reading = {"overlap": 0.9}, {"source": {"surface_samples": 0}}
+    answer = server.submit(
+        content, target(), wait=60, options=json.dumps(options), reading=json.dumps(reading)
+    )
     assert answer.status_code == 200, answer.text
     job = answer.json()
     assert job["status"] == "succeeded"

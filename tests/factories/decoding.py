@@ -8,7 +8,7 @@ from pathlib import Path
 import laspy  # noqa: F401  loaded before memory is measured
 import pye57  # noqa: F401
 import pytest
-import trimesh.sample  # noqa: F401
+import trimesh  # noqa: F401
 
 from service.formats import CloudFileError, DecodedCloud, MalformedFileError, read_points
 

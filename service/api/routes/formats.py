@@ -21,7 +21,11 @@ def list_formats() -> FormatList:
                 title=item.title,
                 extensions=list(item.extensions),
                 declared=item.sniff is None,
-                choices=[name for name in item.choices if name != "attributes"],
+                choices=[
+                    "surface_samples" if name == "faces" else name
+                    for name in item.choices
+                    if name != "attributes"
+                ],
             )
             for item in FORMATS
         ]

@@ -1,10 +1,9 @@
-"""Meshes (STL, OBJ, OFF, glTF): their vertices, or samples of their surface."""
+"""Meshes (STL, OBJ, OFF, glTF): their vertices and faces."""
 
 from __future__ import annotations
 
 import io
 import struct
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +13,15 @@ from numpy.typing import NDArray
 from service.formats.colors import RGB
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import (
-    FileLimitError,
     MalformedFileError,
     TruncatedFileError,
     short_reason,
 )
 from service.formats.faces import check_faces
 from service.formats.libraries import import_library
-from service.formats.mesh import text as mesh_text
 from service.formats.mesh.gltf import check_gltf
 from service.formats.mesh.gltf_draco import without_draco
 
-SEED = 0
-"""Seed of the surface samples: the same file gives the same points."""
 _STL_HEADER_BYTES, _STL_ROW_BYTES = 84, 50
 _SNIFFED_TRIANGLES = 20
 _MIN_COORDINATE = 1e-30
@@ -52,69 +47,39 @@ def sniff_stl(head: bytes) -> bool:
 
 
 def read_stl(
-    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> DecodedCloud:
-    """Read an STL file: its corners, equal ones merged, or surface samples."""
+    """Read the corners of an STL file, equal ones merged."""
     _check_stl(path, limits)
-    return _read_mesh(path, limits, "stl", surface_samples, attributes=attributes)
-
-
-def read_obj(
-    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
-) -> DecodedCloud:
-    """Read an OBJ file: the vertices in the order of the file, or surface samples."""
-    vertices = mesh_text.read_obj(path, limits, attributes=attributes)
-    return vertices if surface_samples is None else _read_mesh(path, limits, "obj", surface_samples)
-
-
-def read_off(
-    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
-) -> DecodedCloud:
-    """Read an OFF file: the vertices in the order of the file, or surface samples."""
-    vertices = mesh_text.read_off(path, limits, attributes=attributes)
-    return vertices if surface_samples is None else _read_mesh(path, limits, "off", surface_samples)
+    return _read_mesh(path, limits, "stl", attributes=attributes, faces=faces)
 
 
 def read_gltf(
-    path: Path, limits: ReadLimits, surface_samples: int | None, *, attributes: bool = False
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> DecodedCloud:
     """Read the meshes of a glTF 2.0 file (.glb, or .gltf with embedded data), placed by nodes."""
     with without_draco(path, limits) as plain:
         kind = check_gltf(plain, limits)
-        return _read_mesh(plain, limits, kind, surface_samples, attributes=attributes)
+        return _read_mesh(plain, limits, kind, attributes=attributes, faces=faces)
 
 
 def _read_mesh(
-    path: Path,
-    limits: ReadLimits,
-    kind: str,
-    surface_samples: int | None,
-    *,
-    attributes: bool = False,
+    path: Path, limits: ReadLimits, kind: str, *, attributes: bool, faces: bool
 ) -> DecodedCloud:
-    name = "gltf" if kind == "glb" else kind
-    vertices, faces, kept = _load(path, kind)
-    if len(vertices) == 0:
+    points, triangles, kept = _load(path, kind)
+    if len(points) == 0:
         raise MalformedFileError("the mesh has no vertices")
-    check_count(len(vertices), 0, 0, "the vertices", limits)
-    if surface_samples is None:
-        points = vertices
-        if kind == "stl":
-            points, places = _unique_rows(vertices)
-            faces = places[faces]
-        cloud = DecodedCloud(
-            points, name, ("the vertices are read; set 'surface_samples' to sample the surface",)
-        )
-        if not attributes:
-            return cloud
-        faces = check_faces(faces, len(points))
-        return replace(cloud, attributes=kept, faces=faces if len(faces) else None)
-    if surface_samples > limits.max_points:
-        raise FileLimitError(
-            f"surface_samples is {surface_samples}; the limit is {limits.max_points} points"
-        )
-    points, normals = _sample_surface(vertices, faces, surface_samples)
-    return DecodedCloud(points, name, (), normals)
+    check_count(len(points), 0, 0, "the vertices", limits)
+    if kind == "stl":
+        points, places = _unique_rows(points)
+        triangles = places[triangles]
+    triangles = check_faces(triangles, len(points))
+    return DecodedCloud(
+        points,
+        "gltf" if kind == "glb" else kind,
+        attributes=kept if attributes else {},
+        faces=triangles if faces and len(triangles) else None,
+    )
 
 
 def _load(
@@ -172,24 +137,6 @@ def _unique_rows(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     places = np.empty(len(first), np.int64)
     places[np.argsort(first)] = np.arange(len(first))
     return vertices[np.sort(first)], places[inverse.ravel()]
-
-
-def _sample_surface(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sample points evenly by area, with the normals of their triangles."""
-    trimesh = import_library("trimesh")
-    sampling = import_library("trimesh.sample")
-    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise MalformedFileError("a triangle refers to a vertex that does not exist")
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    if not (np.isfinite(mesh.area) and mesh.area > 0):
-        raise MalformedFileError(
-            f"the {len(faces)} triangles have the area {mesh.area}: nothing to sample; "
-            "leave surface_samples out to read the vertices"
-        )
-    points, triangles = sampling.sample_surface(mesh, count, seed=SEED)
-    return np.asarray(points, np.float64), np.asarray(mesh.face_normals[triangles], np.float64)
 
 
 def _check_stl(path: Path, limits: ReadLimits) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
-from service.formats.mesh.text_faces import read_obj_attributes, read_off_faces
+from service.formats.mesh.text_faces import read_obj_colors, read_obj_faces, read_off_faces
 from service.formats.numerals import significant_line
 from service.formats.text_table import Dialect, read_columns, read_head_lines
 
@@ -42,8 +42,10 @@ def is_off_without_keyword(first_line: str, rows: int) -> bool:
     return vertices > 2 and faces > 0 and rows == vertices + faces + (len(words) == 3)
 
 
-def read_obj(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
-    """Read the lines "v x y z ..." of an OBJ file; `attributes` adds colours and faces.
+def read_obj(
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
+) -> DecodedCloud:
+    """Read the lines "v x y z ..." of an OBJ file; `attributes` adds the colours.
 
     Raises
     ------
@@ -53,13 +55,17 @@ def read_obj(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Dec
     points = read_columns(path, 0, 1, (1, 2, 3), limits, dialect=Dialect(keyword="v"))
     if len(points) == 0:
         raise MalformedFileError("no line begins with 'v'; expected lines 'v x y z'")
-    if not attributes:
-        return DecodedCloud(points, "obj")
-    return replace(read_obj_attributes(path, len(points), limits), points=points)
+    cloud = DecodedCloud(points, "obj")
+    if attributes:
+        cloud = replace(cloud, attributes=read_obj_colors(path, len(points), limits))
+    if faces:
+        triangles, warnings = read_obj_faces(path, len(points), warns_of_others=attributes)
+        cloud = replace(cloud, faces=triangles, warnings=warnings)
+    return cloud
 
 
-def read_off(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
-    """Read the vertices of an OFF file; `attributes` adds its faces.
+def read_off(path: Path, limits: ReadLimits, *, faces: bool = False) -> DecodedCloud:
+    """Read the vertices of an OFF file.
 
     Raises
     ------
@@ -84,7 +90,7 @@ def read_off(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Dec
     offset, count = sum(len(line) + 1 for line in lines[:number]), int(counts[0])
     check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
     points = read_columns(path, offset, number + 1, (0, 1, 2), limits, rows=count)
-    if not attributes:
+    if not faces:
         return DecodedCloud(points, "off")
-    faces, warnings = read_off_faces(path, offset, count, int(counts[1]))
-    return DecodedCloud(points, "off", warnings, faces=faces)
+    triangles, warnings = read_off_faces(path, offset, count, int(counts[1]))
+    return DecodedCloud(points, "off", warnings, faces=triangles)

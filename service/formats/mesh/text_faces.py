@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.colors import RGB
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits
+from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import CloudFileError
 from service.formats.faces import check_faces, triangulate
 from service.formats.text_table import Dialect, read_columns
@@ -18,19 +19,24 @@ from service.formats.text_table import Dialect, read_columns
 _MAX_LINE_BYTES = 1 << 16
 
 
-def read_obj_attributes(path: Path, count: int, limits: ReadLimits) -> DecodedCloud:
-    """Read the colours behind the `count` vertices and the faces; warn of what is not kept."""
-    colors: dict[str, NDArray[np.generic]] = {}
-    if _has_colors(path):
-        try:
-            table = read_columns(path, 0, 1, (4, 5, 6), limits, dialect=Dialect(keyword="v"))
-            colors = dict(zip(RGB, table.T, strict=True)) if len(table) == count else {}
-        except CloudFileError:
-            colors = {}
+def read_obj_colors(path: Path, count: int, limits: ReadLimits) -> dict[str, NDArray[np.generic]]:
+    """Read the colours behind the `count` vertices, where each vertex has them."""
+    if not _has_colors(path):
+        return {}
+    try:
+        table = read_columns(path, 0, 1, (4, 5, 6), limits, dialect=Dialect(keyword="v"))
+    except CloudFileError:
+        return {}
+    return dict(zip(RGB, table.T, strict=True)) if len(table) == count else {}
+
+
+def read_obj_faces(
+    path: Path, count: int, *, warns_of_others: bool
+) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
+    """Read the faces at the `count` vertices, with warnings of what is not kept."""
     seen = 0
     others: set[str] = set()
-    corners: list[int] = []
-    sizes: list[int] = []
+    corners, sizes = array("q"), array("q")
     faces: NDArray[np.int64] | None = None
     warnings: tuple[str, ...] = ()
     try:
@@ -39,17 +45,16 @@ def read_obj_attributes(path: Path, count: int, limits: ReadLimits) -> DecodedCl
                 seen += 1
             elif words[0] == "f":
                 found = [int(word.split("/", 1)[0]) for word in words[1:]]
-                corners += [seen + item if item < 0 else item - 1 for item in found]
+                corners.extend(seen + item if item < 0 else item - 1 for item in found)
                 sizes.append(len(found))
             elif words[0] in ("vn", "vt", "l", "p"):
                 others.add(words[0])
-        triangles = triangulate(np.array(corners, np.int64), np.array(sizes, np.int64))
-        faces = check_faces(triangles, count) if len(triangles) else None
+        faces = _to_faces(corners, sizes, count)
     except (ValueError, OverflowError) as error:
         warnings = (f"the faces are not kept: {error}"[:200],)
-    if others:
+    if others and warns_of_others:
         warnings += (f"lines of {', '.join(sorted(others))} are not kept",)
-    return DecodedCloud(np.empty((0, 3)), "obj", warnings, attributes=colors, faces=faces)
+    return faces, warnings
 
 
 def read_off_faces(
@@ -57,19 +62,23 @@ def read_off_faces(
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
     """Read the faces after the vertices, which begin at `offset`."""
     rows = islice(_lines(path, offset), vertices, vertices + count)
-    corners: list[int] = []
-    sizes: list[int] = []
+    corners, sizes = array("q"), array("q")
     try:
         for words in rows:
             size = int(words[0])
-            corners += [int(word) for word in words[1 : size + 1]]
+            corners.extend(int(word) for word in words[1 : size + 1])
             sizes.append(size)
         if sum(sizes) != len(corners):
             return None, ("the faces are not kept: a face has fewer corners than it announces",)
-        triangles = triangulate(np.array(corners, np.int64), np.array(sizes, np.int64))
-        return (check_faces(triangles, vertices) if len(triangles) else None), ()
+        return _to_faces(corners, sizes, vertices), ()
     except (ValueError, OverflowError) as error:
         return None, (f"the faces are not kept: {error}"[:200],)
+
+
+def _to_faces(corners: array[int], sizes: array[int], count: int) -> NDArray[np.int64] | None:
+    """Return the triangles at `count` vertices; None without any."""
+    triangles = triangulate(np.array(corners, np.int64), np.array(sizes, np.int64))
+    return check_faces(triangles, count) if len(triangles) else None
 
 
 def _lines(path: Path, offset: int = 0) -> Iterator[list[str]]:

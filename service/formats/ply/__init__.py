@@ -32,7 +32,9 @@ _XYZ = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
 
 
-def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
+def read(
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
+) -> DecodedCloud:
     """Read the vertices of a PLY file.
 
     `attributes` adds their other scalar properties.
@@ -52,16 +54,18 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
         is_cut = vertex is header.elements[-1] and not ends_with_newline(path)
         warnings = (CUT_WARNING,) if is_cut else ()
     cloud = _to_cloud(table, vertex, wanted, attributes=attributes)
-    if not attributes:
+    if attributes:
+        warnings += _warn_of_kinds(vertex)
+    if not faces:
         return replace(cloud, warnings=warnings)
-    faces, more = read_faces(path, header, limits)
-    return replace(cloud, warnings=(*warnings, *more, *_warn_of_kinds(vertex)), faces=faces)
+    triangles, more = read_faces(path, header, limits, warns_of_others=attributes)
+    return replace(cloud, warnings=(*warnings, *more), faces=triangles)
 
 
 def read_pieces(
-    path: Path, limits: ReadLimits, *, attributes: bool = False
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> Iterator[DecodedCloud]:
-    """Read as `read` does, in consecutive pieces; faces are not kept.
+    """Read as `read` does, in consecutive pieces; `faces` are not kept, which a warning says.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def read_pieces(
     wanted = _select_properties(vertex, attributes=attributes)
     for table in _iter_tables(path, header, before, vertex, wanted, limits):
         yield _to_cloud(table, vertex, wanted, attributes=attributes)
-    if attributes:
+    if attributes or faces:
         others = [element.name[:40] for element in header.elements if element.name != "vertex"]
         lost = f"elements that are not kept, because the file is large: {', '.join(others[:9])}"
         warnings = (*_warn_of_kinds(vertex), *((lost,) if others else ()))

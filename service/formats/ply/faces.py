@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ _MAX_FACES_PER_POINT = 4
 
 
 def read_faces(
-    path: Path, header: PlyHeader, limits: ReadLimits
+    path: Path, header: PlyHeader, limits: ReadLimits, *, warns_of_others: bool
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
     """Read the triangles (F, 3) and warnings; None without faces, or where they are damaged."""
     names = [element.name for element in header.elements]
@@ -40,7 +41,7 @@ def read_faces(
         faces = check_faces(triangulate(corners, sizes), count)
     except CloudFileError as error:
         return None, (f"the faces are not kept: {error}",)
-    others = [item.name for item in element.properties if item.name != wanted]
+    others = [item.name for item in element.properties if item.name != wanted and warns_of_others]
     lost = ", ".join(repr(name[:40]) for name in others[:9])
     return faces, (f"properties of the faces are not kept: {lost}",) if others else ()
 
@@ -81,8 +82,7 @@ def _read_ascii(
     before = sum(item.count for item in header.elements[:place])
     offset = skip_lines(path, header.size, before, header.lines, limits)
     first = header.lines + before + 1
-    corners: list[int] = []
-    sizes: list[int] = []
+    corners, sizes = array("q"), array("q")
     with path.open("rb") as file:
         file.seek(offset)
         for number in range(first, first + element.count):
@@ -90,7 +90,7 @@ def _read_ascii(
                 found = _find_list(file.readline(limits.max_line_bytes).split(), element, wanted)
             except (ValueError, IndexError):
                 raise MalformedFileError(f"line {number}: it is no face") from None
-            corners += found
+            corners.extend(found)
             sizes.append(len(found))
     return np.array(corners, np.int64), np.array(sizes, np.int64)
 

@@ -15,6 +15,7 @@ from service.formats import (
     ReadLimits,
     UnknownFormatError,
     read_points,
+    read_surface,
     sniff,
 )
 from tests.factories.cloud_files import NORMALS, POINTS, npy, npz, pcd, ply, seeds, text_rows
@@ -93,8 +94,8 @@ def test_choices_need_their_format(tmp_path: Path) -> None:
     path = write_file(tmp_path, ply())
     with pytest.raises(MalformedFileError, match="scan is set"):
         read_points(path, scan=0)
-    with pytest.raises(MalformedFileError, match="surface_samples is set"):
-        read_points(path, surface_samples=10)
+    with pytest.raises(MalformedFileError, match="no faces"):
+        read_surface(path, surface_samples=10)
 
 
 WEIGHTS = np.linspace(0, 1, len(POINTS)).astype(np.float32)
@@ -216,7 +217,5 @@ FINDINGS = Path(__file__).parent / "findings"
 
 @pytest.mark.parametrize("name", sorted(path.name for path in FINDINGS.iterdir()))
 def test_what_fuzzing_found(tmp_path: Path, name: str) -> None:
-    """A name ends in -sampled where the surface is to be sampled."""
-    choices = {"surface_samples": 10} if name.endswith("-sampled") else {}
     content = (FINDINGS / name).read_bytes()
-    assert isinstance(decode_frugally(tmp_path, content, **choices), CloudFileError)
+    assert isinstance(decode_frugally(tmp_path, content), CloudFileError)
