@@ -241,6 +241,10 @@ class NotReadyError(ServiceError):
     retry_after_s = 5
 
 
+class BlobsUnavailableError(NotReadyError):
+    """The store of the files does not answer."""
+
+
 class JobTimeoutError(ServiceError):
     """The attempt took longer than MPE_JOB_TIMEOUT_S."""
 

@@ -30,6 +30,7 @@ from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.decoded_cache import DecodedCache
 from service.storage.disk_space import DiskSpace
+from service.storage.open_blobs import open_blobs
 from service.storage.scratch import discard_scratch
 from service.storage.store_mark import StoreMark
 from service.telemetry.metrics import Metrics
@@ -109,16 +110,14 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
         job store is lost.
     """
     with ExitStack() as stack:
-        stack.enter_context(
-            _lock_data_dir(settings.data_dir, shared=settings.database_url is not None)
-        )
+        stack.enter_context(_lock_data_dir(settings.data_dir, shared=settings.shares_data_dir))
         database = stack.enter_context(closing(open_store(settings)))
         keys = KeyStore(database)
         if keys.any_exist():
             StoreMark(settings.data_dir).record_keys()
         disk = DiskSpace(settings.data_dir, settings.min_free_disk_bytes)
         disk.adjust_fallback()
-        blobs = BlobStore(settings.data_dir)
+        blobs = open_blobs(settings)
         blobs.discard_incoming()
         tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
         telemetry = stack.enter_context(closing(Telemetry(metrics, tracing)))
@@ -147,7 +146,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             transitions=transitions,
             notifier=notifier,
             workers=WorkerPool(transitions, blobs, settings),
-            exporter=Exporter(settings),
+            exporter=Exporter(settings, blobs),
             clouds=clouds,
             uploads=uploads,
             outbox=Outbox(database),
@@ -176,7 +175,7 @@ def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
 
     def collect_blobs() -> None:
         removed = runtime.blobs.collect(
-            lambda: find_needed_blobs(database), now=time.time(), grace_s=settings.blob_grace_s
+            lambda: find_needed_blobs(database), now=time.time(), grace_s=settings.blob.grace_s
         )
         if removed:
             log.info("removed %d unused files", removed)

@@ -146,6 +146,41 @@ class S3Settings(SettingsGroup):
         return self
 
 
+class BlobSettings(SettingsGroup):
+    """Where the files of clouds and results are kept (MPE_BLOB_...)."""
+
+    url: str | None = Field(
+        default=None, pattern=r"^s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](/[A-Za-z0-9!_.*'()/-]+)?$"
+    )
+    """Bucket of an S3 store and a prefix in it, s3://bucket/prefix; unset: the data directory. It
+    needs the extra `s3`.
+    """
+    endpoint: str | None = Field(default=None, pattern="^https?://")
+    """URL of the store's server; unset: Amazon's."""
+    region: str = "us-east-1"
+    """Region of the bucket."""
+    access_key_id: str | None = None
+    """Id of the key that reads and writes the bucket; unset: the AWS_ variables."""
+    secret_access_key: SecretStr | None = None
+    """Secret of that key."""
+    cache_bytes: PositiveInt = 20 * 1024 * MEBIBYTE
+    """Bytes of a bucket's files, and of decoded clouds, that the data directory keeps; those unused
+    for longest are removed. Files in use may exceed it.
+    """
+    grace_s: PositiveFloat = 600
+    """Time that an unreferenced file is kept after it was written or last needed, in seconds."""
+
+    @model_validator(mode="after")
+    def _check_store(self) -> BlobSettings:
+        if self.url is not None and find_spec("obstore") is None:
+            raise ValueError("MPE_BLOB_URL names a bucket: install the extra s3 (obstore)")
+        if (self.access_key_id is None) != (self.secret_access_key is None):
+            raise ValueError(
+                "MPE_BLOB_ACCESS_KEY_ID and MPE_BLOB_SECRET_ACCESS_KEY: set both or none"
+            )
+        return self
+
+
 class KeySettings(SettingsGroup):
     """Limits of API keys that have none of their own (MPE_KEY_...)."""
 
@@ -219,7 +254,7 @@ class Settings(BaseSettings):
 
     data_dir: Path = Field(default_factory=lambda: Path.home() / ".local" / "share" / "mpe")
     """Directory of the job store and the clouds. One service per directory, unless MPE_DATABASE_URL
-    is set.
+    is set and MPE_BLOB_URL is not.
     """
     database_url: SecretStr | None = None
     """PostgreSQL database of the job store, postgresql://user:password@host/name; unset: SQLite in
@@ -273,8 +308,7 @@ class Settings(BaseSettings):
     """Time that a stored cloud is kept after its last use, in seconds."""
     upload_retention_s: PositiveFloat = DAY_S
     """Time that an unfinished upload is kept after its last byte, in seconds."""
-    blob_grace_s: PositiveFloat = 600
-    """Time that an unreferenced file is kept after it was written or last needed, in seconds."""
+    blob: BlobSettings = BlobSettings()
     maintenance_interval_s: PositiveFloat = 30
     """Interval of the clean-up task, in seconds."""
     min_free_disk_bytes: NonNegativeInt = 512 * MEBIBYTE
@@ -356,6 +390,11 @@ class Settings(BaseSettings):
         return self.database_url.get_secret_value()
 
     @property
+    def shares_data_dir(self) -> bool:
+        """Whether other services may use the same data directory: it holds the blobs of all."""
+        return self.database_url is not None and self.blob.url is None
+
+    @property
     def connections_per_address(self) -> int:
         """Open connections that one address may have."""
         return self.max_connections_per_address or max(1, self.max_connections // 2)
@@ -369,6 +408,7 @@ class Settings(BaseSettings):
 GROUPS: dict[str, type[SettingsGroup]] = {
     "url": UrlSettings,
     "s3": S3Settings,
+    "blob": BlobSettings,
     "key": KeySettings,
     "webhook": WebhookSettings,
 }

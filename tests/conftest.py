@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.factories.postgres import Postgres, find_programs, running_postgres
+from tests.factories.s3 import S3Server, running_s3
 
 PROJECT = Path(__file__).parent.parent
 DATA = Path(os.environ.get("MPE_DATA", PROJECT.parent / "shared" / "data"))
@@ -36,6 +37,13 @@ def postgres() -> Iterator[Postgres]:
     if programs is None:
         (pytest.fail if POSTGRES_REQUIRED else pytest.skip)(NO_POSTGRES)
     with running_postgres(programs) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[S3Server]:
+    """A running S3 server with one bucket."""
+    with running_s3(tmp_path_factory.mktemp("s3")) as running:
         yield running
 
 

@@ -30,10 +30,12 @@ def require_blobs(runtime: Runtime, *hashes: str | None) -> list[Path]:
     ExpiredError
         One of them is no longer stored.
     """
-    paths = [runtime.blobs.path(each) for each in hashes if each is not None]
-    if len(paths) < len(hashes) or not all(path.exists() for path in paths):
-        raise ExpiredError("The result or a cloud has expired; register the clouds again.")
-    return paths
+    try:
+        if None not in hashes:
+            return [runtime.blobs.fetch(each) for each in hashes if each is not None]
+    except FileNotFoundError:
+        pass
+    raise ExpiredError("The result or a cloud has expired; register the clouds again.")
 
 
 @asynccontextmanager

@@ -7,8 +7,11 @@ names is there. Where it is not, store and files are copied again.
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,6 +25,8 @@ from service.backup.manifest import (
 from service.backup.store_copy import copy_store
 from service.database.store import check_store
 from service.settings import Settings
+from service.storage.blobs import BlobStore
+from service.storage.open_blobs import open_blobs
 from service.storage.store_mark import KEYS_MARK, STORE_MARK
 
 TRIES = 3
@@ -65,12 +70,14 @@ def _check_possible(settings: Settings, target: Path) -> None:
 
 def _copy_all(settings: Settings, partial: Path) -> Manifest:
     copied: dict[str, BackedUpFile] = {}
+    blobs = open_blobs(settings)
     for _ in range(TRIES):
         store = copy_store(settings, partial)
         names = store.names
         _check_room(settings.data_dir, partial, [name for name in names if name not in copied])
         for name in names:
-            _copy_once(settings.data_dir, partial, name, copied)
+            with contextlib.suppress(FileNotFoundError), _hold(settings, blobs, name):
+                _copy_once(settings.data_dir, partial, name, copied)
         missing = [name for name in names if name not in copied]
         if not missing:
             break
@@ -97,6 +104,16 @@ def _copy_once(data_dir: Path, partial: Path, name: str, copied: dict[str, Backe
         (partial / name).unlink()
         return
     copied[name] = described
+
+
+@contextmanager
+def _hold(settings: Settings, blobs: BlobStore, name: str) -> Iterator[None]:
+    """Keep a file in the data directory; a blob of a bucket is downloaded to it."""
+    if settings.blob.url is None or not name.startswith("blobs/"):
+        yield
+        return
+    with blobs.hold(Path(name).name):
+        yield
 
 
 def _check_room(data_dir: Path, partial: Path, names: list[str]) -> None:

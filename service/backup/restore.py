@@ -9,6 +9,7 @@ from service.backup.postgres_programs import DUMP_NAME, restore_database
 from service.backup.verify import find_faults_of_backup
 from service.database.store import has_tables
 from service.settings import Settings
+from service.storage.open_blobs import open_blobs
 from service.storage.store_mark import StoreMark
 
 _PARTIAL = ".partial"
@@ -36,12 +37,15 @@ def restore_backup(settings: Settings, source: Path) -> Manifest:
         raise BackupError(f"{source} is not whole: {'; '.join(faults[:9])}")
     data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
     StoreMark(data_dir).make()
+    blobs = open_blobs(settings)
     stores = (settings.sqlite_path.name, DUMP_NAME)
     for file in sorted(manifest.files, key=lambda file: file.path in stores):
         if file.path == DUMP_NAME:
             restore_database(settings.store_url, source / DUMP_NAME)
         else:
             _restore_file(source, data_dir, file)
+        if file.path.startswith("blobs/"):
+            blobs.touch(file.sha256)
     return manifest
 
 

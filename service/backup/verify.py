@@ -13,6 +13,7 @@ from service.database.store import HEALTHY, check_store, open_store
 from service.jobs.retention import find_needed_blobs
 from service.settings import Settings
 from service.storage.blobs import blob_path
+from service.storage.open_blobs import open_blobs
 
 
 def find_faults_of_backup(directory: Path) -> Iterator[str]:
@@ -44,12 +45,12 @@ def find_faults_of_data(settings: Settings) -> Iterator[str]:
         The store is missing, damaged or of a later release, or does not answer.
     """
     check_store(settings)
+    blobs = open_blobs(settings)
     with closing(open_store(settings)) as database:
         faults = {}
         for sha256 in sorted(find_needed_blobs(database)):
-            path = blob_path(settings.data_dir, sha256)
             try:
-                if hash_file(path) != sha256:
+                if not blobs.is_whole(sha256):
                     faults[sha256] = "is damaged"
             except FileNotFoundError:
                 faults[sha256] = "is missing"

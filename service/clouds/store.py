@@ -105,7 +105,7 @@ class CloudStore:
         UnknownCloudError
             There is none of this id.
         ExpiredError
-            Its file is missing on the disk.
+            Its file is missing in the store.
         """
         expires_at = time.time() + self._retention_s
         postpone = update(clouds).where(_is(tenant, cloud_id)).values(expires_at=expires_at)
@@ -118,7 +118,7 @@ class CloudStore:
             self._blobs.touch(cloud.sha256)
         except FileNotFoundError as error:
             raise ExpiredError(
-                f"The file of the cloud {cloud.id} is missing on the disk; store the cloud again."
+                f"The file of the cloud {cloud.id} is missing in the store; store the cloud again."
             ) from error
         reading = {"format": cloud.format} if cloud.declared else {}
         return CloudInput(cloud.sha256, cloud.size, cloud=cloud.id, reading=reading)
@@ -162,7 +162,7 @@ def detect_format(role: str, blob: Blob, blobs: BlobStore, declared: str | None 
     if declared is not None:
         return declared
     try:
-        return sniff_file(blobs.path(blob.sha256))
+        return sniff_file(blobs.fetch(blob.sha256))
     except UnknownFormatError as error:
         raise UnknownFormatError(f"{role}: {error}") from None
 

@@ -25,14 +25,14 @@ def render_job(job: JobRow, blobs: BlobStore) -> bytes:
     Raises
     ------
     ExpiredError
-        The file of the result is missing on the disk.
+        The file of the result is missing in the store.
     """
     result = b"null"
     if job.result_sha256 is not None:
         try:
-            result = blobs.path(job.result_sha256).read_bytes()
+            result = blobs.fetch(job.result_sha256).read_bytes()
         except FileNotFoundError as error:
             raise ExpiredError(
-                "The result is missing on the disk; register the clouds again."
+                "The result is missing in the store; register the clouds again."
             ) from error
     return summarize_job(job).model_dump_json().encode()[:-1] + b',"result":' + result + b"}"

@@ -1,4 +1,4 @@
-"""Blobs on disk, named by the SHA-256 hash of their content."""
+"""Blobs, named by the SHA-256 hash of their content, in a directory."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class BlobWriter:
     The file is locked meanwhile, which tells it from one that a killed process left.
     """
 
-    def __init__(self, store: BlobStore) -> None:
-        self._store = store
+    def __init__(self, incoming: Path, install: Callable[[Path, Blob], None]) -> None:
+        self._install = install
         self._file = tempfile.NamedTemporaryFile(  # noqa: SIM115
-            dir=store.incoming, prefix="blob-", delete=False
+            dir=incoming, prefix="blob-", delete=False
         )
         fcntl.flock(self._file, fcntl.LOCK_EX)
         self._hash = hashlib.sha256()
@@ -60,6 +60,11 @@ class BlobWriter:
         """Number of bytes written so far."""
         return self._size
 
+    @property
+    def written(self) -> Blob:
+        """The blob that `commit` would make now."""
+        return Blob(self._hash.hexdigest(), self._size)
+
     def write(self, chunk: bytes) -> None:
         """Append a chunk."""
         self._file.write(chunk)
@@ -76,8 +81,8 @@ class BlobWriter:
     def commit(self) -> Blob:
         """Make the blob durable under its name and return it."""
         self._file.flush()
-        blob = Blob(self._hash.hexdigest(), self._size)
-        self._store.install(Path(self._file.name), blob)
+        blob = self.written
+        self._install(Path(self._file.name), blob)
         self._file.close()
         return blob
 
@@ -89,6 +94,8 @@ class BlobWriter:
 
 class BlobStore:
     """Blobs below a directory: written in `incoming`, then renamed to `blobs/ab/abcd...`.
+
+    `service.storage.s3_blobs.S3BlobStore` keeps them in a bucket, behind the same interface.
 
     Parameters
     ----------
@@ -112,9 +119,43 @@ class BlobStore:
         """Return whether the blob is stored."""
         return self.path(sha256).exists()
 
+    def fetch(self, sha256: str) -> Path:
+        """Return the path of a blob, to be opened soon.
+
+        Raises
+        ------
+        FileNotFoundError
+            The blob is not stored.
+        """
+        path = self.path(sha256)
+        path.stat()
+        return path
+
+    @contextmanager
+    def hold(self, sha256: str) -> Iterator[Path]:
+        """Keep the file of a blob at its path while the context lasts.
+
+        Raises
+        ------
+        FileNotFoundError
+            The blob is not stored.
+        """
+        yield self.fetch(sha256)
+
+    def is_whole(self, sha256: str) -> bool:
+        """Return whether what is stored has this hash.
+
+        Raises
+        ------
+        FileNotFoundError
+            The blob is not stored.
+        """
+        with self.path(sha256).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+
     def writer(self) -> BlobWriter:
         """Start a new blob."""
-        return BlobWriter(self)
+        return BlobWriter(self.incoming, self.install)
 
     def put(self, chunks: Iterable[bytes]) -> Blob:
         """Store the chunks as one blob."""

@@ -6,13 +6,14 @@ import secrets
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from service.jobs.model import JobRow
 from service.problems import (
     TYPE_PREFIX,
+    ExpiredError,
     JobTimeoutError,
     NotReadyError,
     OverloadedError,
@@ -21,6 +22,7 @@ from service.problems import (
     WorkerLostError,
 )
 from service.settings import Settings
+from service.storage.blobs import BlobStore
 from service.storage.plain_file import is_plain_file
 from service.storage.scratch import scratch_folder
 from service.telemetry.json_logs import job_context
@@ -55,8 +57,9 @@ class ExportedFile:
 class Exporter:
     """Writes files of registrations, each in a child process."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, blobs: BlobStore) -> None:
         self._settings = settings
+        self._blobs = blobs
         self._changed = threading.Condition()
         self._waiting = 0
         self._running = 0
@@ -91,6 +94,8 @@ class Exporter:
             The service is stopping.
         ExportError, WorkerLostError
             The child process failed or was lost.
+        ExpiredError
+            A cloud is missing in the store.
         """
         name = f"{job.id}-export-{secrets.token_hex(4)}"
         with scratch_folder(self._settings.data_dir, name) as scratch:
@@ -98,7 +103,7 @@ class Exporter:
                 job_id=job.id, tenant=job.tenant, scratch=scratch, settings=self._settings
             )
             task = make_task(environment)
-            with job_context(job.id), self._turn():
+            with job_context(job.id), self._turn(), self._inputs(job):
                 warnings = self._perform(task)
             yield ExportedFile(task.output, tuple(warnings))
 
@@ -126,6 +131,18 @@ class Exporter:
             with self._changed:
                 self._running -= 1
                 self._changed.notify_all()
+
+    @contextmanager
+    def _inputs(self, job: JobRow) -> Iterator[None]:
+        """Keep the files of both clouds in the data directory."""
+        with ExitStack() as held:
+            for cloud in (job.source, job.target):
+                assert cloud.sha256 is not None  # noqa: S101
+                try:
+                    held.enter_context(self._blobs.hold(cloud.sha256))
+                except FileNotFoundError:
+                    raise ExpiredError("A cloud has expired; register the clouds again.") from None
+            yield
 
     def _perform(self, task: FileTask) -> list[str]:
         """Let a child write the file; return its warnings."""

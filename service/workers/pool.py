@@ -17,7 +17,8 @@ from service.storage.blobs import BlobStore
 from service.storage.scratch import discard_scratch
 from service.telemetry.json_logs import job_context
 from service.workers.child import Child, NoProcessError, prepare_forkserver
-from service.workers.supervisor import LEASE_S, AttemptSupervisor
+from service.workers.lease import LEASE_S
+from service.workers.supervisor import AttemptSupervisor
 
 POLL_INTERVAL_S = 1.0
 """Interval of the checks for jobs that another service on the same database has accepted."""

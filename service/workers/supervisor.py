@@ -6,9 +6,11 @@ import contextlib
 import logging
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 from mpe_core.machine import count_oom_kills
 from service.clouds.inputs import CLOUD_ROLES, CloudInput
@@ -18,6 +20,7 @@ from service.jobs.transitions import JobTransitions
 from service.outbound import FetchPolicy, HttpCache
 from service.problems import (
     TYPE_PREFIX,
+    BlobsUnavailableError,
     DeadlineError,
     DiskFullError,
     ExpiredError,
@@ -35,6 +38,7 @@ from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError, NoProcessError
 from service.workers.child_files import store_fetched, store_result
 from service.workers.fetch_inputs import FetchInputs, aws_variables, is_fetched_once
+from service.workers.lease import HEARTBEAT_S, LEASE_S, kept_lease
 from service.workers.messages import (
     Answer,
     Failed,
@@ -48,10 +52,6 @@ from service.workers.register_clouds import RegisterClouds, is_cached_decoded
 from service.workers.spare import SpareChild
 from service.workers.task import Task, TaskEnvironment
 
-LEASE_S = 30.0
-"""Lease of an attempt; another service may take the job when it is not extended for that long."""
-HEARTBEAT_S = LEASE_S / 3
-"""Interval at which the lease is extended."""
 POLL_INTERVAL_S = 0.5
 """Interval of the checks whether another service on the same database has cancelled the job."""
 
@@ -69,6 +69,7 @@ OUT_OF_MEMORY = (
 SIGKILL_NAME = signal.Signals.SIGKILL.name
 
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ class AttemptSupervisor:
                 if not is_disk_full(error):
                     raise
                 self._interrupt_on_full_disk(job)
-            except NoProcessError as error:
+            except (NoProcessError, BlobsUnavailableError) as error:
                 reason = str(error)
                 _retry_while_unavailable(lambda: self.transitions.interrupt(job, reason))
                 log.warning("attempt %d was interrupted: %s", job.attempt, reason)
@@ -128,24 +129,35 @@ class AttemptSupervisor:
         self._record_fetched(job, task, self._perform(job, task))
 
     def _register(self, job: JobRow, environment: TaskEnvironment) -> None:
-        self._check_inputs(job)
         task = RegisterClouds(environment, job.source, job.target, job.options)
-        answer = self._perform(job, task)
+        with self._inputs(job):
+            answer = self._perform(job, task)
         self._keep_decoded(job, environment.scratch)
         self._record_outcome(job, answer, environment.scratch)
 
-    def _check_inputs(self, job: JobRow) -> None:
-        """Check that the files of both clouds are on the disk.
+    @contextmanager
+    def _inputs(self, job: JobRow) -> Iterator[None]:
+        """Keep the files of both clouds in the data directory.
 
         Raises
         ------
         ExpiredError
-            One is missing.
+            One is missing in the store.
         """
-        for role in CLOUD_ROLES:
-            sha256 = getattr(job, role).sha256
-            if sha256 is not None and not self.blobs.exists(sha256):
-                raise ExpiredError(f"{role}: its file is missing on the disk; send it again.")
+        with ExitStack() as held:
+            with kept_lease(self.transitions, job):
+                for role in CLOUD_ROLES:
+                    self._hold(held, role, getattr(job, role))
+            yield
+
+    def _hold(self, held: ExitStack, role: str, cloud: CloudInput) -> None:
+        assert cloud.sha256 is not None  # noqa: S101
+        try:
+            held.enter_context(self.blobs.hold(cloud.sha256))
+        except FileNotFoundError:
+            raise ExpiredError(
+                f"{role}: its file is missing in the store; send it again."
+            ) from None
 
     def _perform(self, job: JobRow, task: Task) -> Answer | None:
         """Have a child perform the task; return None when the job has been taken away."""
@@ -211,11 +223,12 @@ class AttemptSupervisor:
             self._record_failure(job, answer)
             return
         cache = HttpCache(self.settings.data_dir, job.tenant)
-        source = self._with_content(job.source, answer.source, task.output("source"), cache)
-        if is_fetched_once(job.source, job.target):
-            target = replace(job.target, sha256=source.sha256, size=source.size)
-        else:
-            target = self._with_content(job.target, answer.target, task.output("target"), cache)
+        with kept_lease(self.transitions, job):
+            source = self._with_content(job.source, answer.source, task.output("source"), cache)
+            if is_fetched_once(job.source, job.target):
+                target = replace(job.target, sha256=source.sha256, size=source.size)
+            else:
+                target = self._with_content(job.target, answer.target, task.output("target"), cache)
         fetched = replace(job, source=source, target=target, timing=answer.timing)
         if _retry_while_unavailable(lambda: self.transitions.record_fetched(fetched)):
             self.fetched()
@@ -243,7 +256,8 @@ class AttemptSupervisor:
         if not isinstance(answer, Succeeded):
             self._record_failure(job, answer)
             return
-        result, inliers = store_result(scratch, self.blobs)
+        with kept_lease(self.transitions, job):
+            result, inliers = _retry_while_unavailable(lambda: store_result(scratch, self.blobs))
         outcome = Outcome(
             result_sha256=result.sha256,
             inliers_sha256=inliers.sha256,
@@ -289,7 +303,7 @@ class AttemptSupervisor:
             raise ChildLostError("what it fetched was removed before it was recorded") from error
 
 
-def _retry_while_unavailable(record: Callable[[], bool]) -> bool:
+def _retry_while_unavailable(record: Callable[[], T]) -> T:
     """Call `record` until the store answers, at most as long as the lease lasts.
 
     Raises

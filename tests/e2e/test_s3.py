@@ -3,42 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
 import pytest
 
+from tests.factories.s3 import KEY, SECRET, running_s3
 from tests.factories.scans import arms, as_npy
-from tests.factories.server import Server, free_port, running_server
-from tests.factories.waiting import until
+from tests.factories.server import Server, running_server
 
 CLOUD = as_npy(arms(1))
-KEY, SECRET = "scanner", "tide-and-time"
 
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    root, port = tmp_path_factory.mktemp("s3"), free_port()
+    root = tmp_path_factory.mktemp("s3")
     for bucket in ("scans", "payroll"):
         (root / bucket / "doors").mkdir(parents=True)
         (root / bucket / "doors" / "left 1+ü.npy").write_bytes(CLOUD)
-    address = f"127.0.0.1:{port}"
-    command = [Path(sys.executable).with_name("rclone"), "serve", "s3", root, "--addr", address]
-    quiet = ["--config", "/dev/null", "--log-level", "ERROR"]
-    with subprocess.Popen([*command, "--auth-key", f"{KEY},{SECRET}", *quiet]) as process:
-        until(lambda: _answers(address))
-        yield f"http://{address}"
-        process.terminate()
-
-
-def _answers(address: str) -> bool:
-    try:
-        return httpx.get(f"http://{address}/", trust_env=False).status_code > 0
-    except httpx.TransportError:
-        return False
+    with running_s3(root) as s3:
+        yield s3.endpoint
 
 
 @pytest.fixture(scope="module")

@@ -50,9 +50,12 @@ def get_inliers(
         raise ExpiredError("The result has expired; register the clouds again.")
     if job.inliers_sha256 is None or job.result_sha256 is None:
         raise ResultNotReadyError(f"The registration is {job.status}; only a result has inliers.")
-    if not all(map(runtime.blobs.exists, (job.inliers_sha256, job.result_sha256))):
-        raise ExpiredError("The result is missing on the disk; register the clouds again.")
-    array = runtime.blobs.path(job.inliers_sha256)
+    try:
+        array, document = map(runtime.blobs.fetch, (job.inliers_sha256, job.result_sha256))
+    except FileNotFoundError:
+        raise ExpiredError(
+            "The result is missing in the store; register the clouds again."
+        ) from None
     if (format or _preferred_format(accept)) == "npy":
         return DownloadResponse(
             array,
@@ -61,7 +64,7 @@ def get_inliers(
             headers={"ETag": f'"{job.inliers_sha256}"'},
         )
     rows = np.load(array, mmap_mode="r", allow_pickle=False)
-    result = json.loads(runtime.blobs.path(job.result_sha256).read_bytes())
+    result = json.loads(document.read_bytes())
     chunks = iter_inliers_json(rows, result["inliers"]["threshold"])
     return StreamingResponse(_render(chunks), media_type="application/json")
 

@@ -17,7 +17,9 @@ from service.clouds.store import CloudStore
 from service.database.store import StoreLostError, open_store
 from service.settings import Settings
 from service.storage.blobs import BlobStore
+from service.storage.open_blobs import open_blobs
 from service.storage.store_mark import StoreMark
+from tests.factories.s3 import S3Server, blob_settings
 from tests.unit.service.backup.conftest import CONTENT
 
 BlobOf = Callable[[Path, bytes], Path]
@@ -78,3 +80,20 @@ def test_a_service_does_not_start_on_half_a_restore(
         restore_backup(empty, backup)
     with pytest.raises(StoreLostError):
         open_store(empty)
+
+
+def test_blobs_of_a_bucket_are_backed_up_and_restored_to_another(
+    s3: S3Server, tmp_path: Path
+) -> None:
+    used = Settings(data_dir=tmp_path / "used", blob=blob_settings(s3))
+    with closing(open_store(used)) as database:
+        blob = open_blobs(used).put([b"1 2 3\n"])
+        CloudStore(database, open_blobs(used), retention_s=60).put("lab", "door", blob, "xyz")
+    open_blobs(used).path(blob.sha256).unlink()
+    make_backup(used, tmp_path / "copy")
+    assert list(find_faults_of_data(used)) == []
+    anew = Settings(data_dir=tmp_path / "anew", blob=blob_settings(s3))
+    restore_backup(anew, tmp_path / "copy")
+    open_blobs(anew).path(blob.sha256).unlink()
+    assert open_blobs(anew).fetch(blob.sha256).read_bytes() == b"1 2 3\n"
+    assert list(find_faults_of_data(anew)) == []

@@ -1,109 +1,119 @@
-"""Blobs appear whole or not at all."""
+"""Blobs appear whole or not at all, in a directory and in a bucket."""
 
 from __future__ import annotations
 
 import hashlib
-import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from service.storage.blobs import Blob, BlobStore
+from tests.factories.clock_of_tests import GRACE_S, Clock
+
+UNKNOWN = hashlib.sha256(b"unknown").hexdigest()
 
 
-def files(store: BlobStore) -> list[Path]:
-    return [path for path in store.root.glob("*/**/*") if path.is_file()]
+@pytest.fixture(params=["directory", "bucket"])
+def store(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
+    if request.param == "directory":
+        return BlobStore(tmp_path / "here")
+    made: BlobStore = request.getfixturevalue("open_s3")()
+    return made
 
 
-def test_blob_is_named_by_its_content(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
+def collect(store: BlobStore, clock: Clock, *needed: Blob, after_s: float) -> None:
+    clock.wait(after_s)
+    names = {blob.sha256 for blob in needed}
+    store.collect(lambda: names, now=clock.now, grace_s=GRACE_S)
+
+
+def test_blob_is_named_by_its_content(store: BlobStore) -> None:
     blob = store.put([b"ab", b"c"])
-    assert blob.sha256 == hashlib.sha256(b"abc").hexdigest()
-    assert blob.size == 3
-    assert store.path(blob.sha256).read_bytes() == b"abc"
+    assert blob == Blob(hashlib.sha256(b"abc").hexdigest(), 3)
+    assert store.exists(blob.sha256)
+    assert store.is_whole(blob.sha256)
+    assert store.fetch(blob.sha256).read_bytes() == b"abc"
+    with store.hold(blob.sha256) as path:
+        assert path.read_bytes() == b"abc"
 
 
-def test_the_same_content_is_stored_once(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
+def test_a_finished_file_is_moved(store: BlobStore, tmp_path: Path) -> None:
+    path = tmp_path / "finished"
+    path.write_bytes(b"abc")
+    assert store.fetch(store.adopt(path).sha256).read_bytes() == b"abc"
+    assert not path.exists()
+
+
+def test_the_same_content_is_one_blob(store: BlobStore) -> None:
     assert store.put([b"abc"]) == store.put([b"a", b"bc"])
-    assert len(files(store)) == 1
 
 
-def test_what_is_not_committed_leaves_nothing(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
+def test_what_is_not_committed_leaves_nothing(store: BlobStore) -> None:
     with store.writer() as writer:
         writer.write(b"half")
-    assert files(store) == []
+    assert not store.exists(hashlib.sha256(b"half").hexdigest())
+    assert not list(store.incoming.iterdir())
 
 
-GRACE_S = 600
+def test_what_is_not_stored_is_said_to_be_missing(store: BlobStore) -> None:
+    assert not store.exists(UNKNOWN)
+    for call in (store.fetch, store.touch, store.is_whole):
+        with pytest.raises(FileNotFoundError):
+            call(UNKNOWN)
+    with pytest.raises(FileNotFoundError), store.hold(UNKNOWN):
+        pass
 
 
-def collect(store: BlobStore, *needed: Blob, in_s: float) -> int:
-    """Collect as if that much time had passed."""
-    names = {blob.sha256 for blob in needed}
-    return store.collect(lambda: names, now=time.time() + in_s, grace_s=GRACE_S)
+def test_only_old_blobs_that_nobody_needs_are_collected(store: BlobStore, clock: Clock) -> None:
+    needed, unneeded = (store.put([content]) for content in (b"a", b"b"))
+    collect(store, clock, needed, after_s=0)
+    collect(store, clock, needed, after_s=GRACE_S - 60)
+    assert store.exists(unneeded.sha256)
+    young = store.put([b"c"])
+    for _ in range(2):
+        collect(store, clock, needed, young, after_s=GRACE_S + 1)
+    assert not store.exists(unneeded.sha256)
+    for blob in (needed, young):
+        assert store.is_whole(blob.sha256)
 
 
-def test_only_old_blobs_that_nobody_needs_are_collected(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
-    needed, unneeded, young = (store.put([content]) for content in (b"a", b"b", b"c"))
-    for blob in (needed, unneeded):
-        os.utime(store.path(blob.sha256), (0, 0))
-    assert collect(store, needed, in_s=-GRACE_S) == 0
-    assert collect(store, needed, in_s=1) == 1
-    assert set(files(store)) == {
-        store.path(needed.sha256),
-        store.path(young.sha256),
-    }
-
-
-def test_a_blob_that_was_needed_a_moment_ago_is_spared(tmp_path: Path) -> None:
+def test_a_blob_that_was_needed_a_moment_ago_is_spared(store: BlobStore, clock: Clock) -> None:
     """However old it is: who has read the row that named it must be able to open it."""
-    store = BlobStore(tmp_path)
     blob = store.put([b"a"])
-    hour, moment = 3600, 60
-    assert collect(store, blob, in_s=hour) == 0
-    assert collect(store, in_s=hour + moment) == 0
-    assert collect(store, in_s=hour + GRACE_S) == 0
-    assert collect(store, blob, in_s=hour + GRACE_S) == 0
-    assert collect(store, in_s=hour + GRACE_S + 2 * moment) == 0
-    assert store.path(blob.sha256).read_bytes() == b"a"
-    assert collect(store, in_s=hour + 2 * GRACE_S + 3 * moment) == 1
-    assert files(store) == []
+    collect(store, clock, blob, after_s=3600)
+    collect(store, clock, after_s=60)
+    collect(store, clock, after_s=GRACE_S - 60)
+    collect(store, clock, blob, after_s=0)
+    collect(store, clock, after_s=120)
+    assert store.fetch(blob.sha256).read_bytes() == b"a"
+    collect(store, clock, after_s=GRACE_S + 60)
+    assert not store.exists(blob.sha256)
 
 
 @pytest.mark.parametrize("again", [lambda s, b: s.put([b"a"]), lambda s, b: s.touch(b.sha256)])
 def test_a_blob_that_is_stored_or_touched_again_is_young(
-    tmp_path: Path, again: Callable[[BlobStore, Blob], object]
+    store: BlobStore, clock: Clock, again: Callable[[BlobStore, Blob], object]
 ) -> None:
-    store = BlobStore(tmp_path)
     blob = store.put([b"a"])
-    os.utime(store.path(blob.sha256), (0, 0))
-    assert collect(store, in_s=-GRACE_S) == 0
+    collect(store, clock, blob, after_s=3600)
+    collect(store, clock, after_s=1)
     again(store, blob)
-    assert collect(store, in_s=60) == 0
-    assert collect(store, in_s=GRACE_S + 120) == 0
-    assert collect(store, in_s=2 * GRACE_S + 180) == 1
-    with pytest.raises(FileNotFoundError):
-        store.touch(blob.sha256)
-    assert files(store) == []
+    collect(store, clock, after_s=GRACE_S / 2)
+    assert store.is_whole(blob.sha256)
 
 
-def test_what_a_dead_process_left_is_removed(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
+def test_what_a_dead_process_left_is_removed(store: BlobStore) -> None:
     kept = store.put([b"kept"])
     (store.incoming / "blob-left").write_bytes(b"half")
     store.discard_incoming()
-    assert files(store) == [store.path(kept.sha256)]
+    assert not list(store.incoming.iterdir())
+    assert store.fetch(kept.sha256).read_bytes() == b"kept"
 
 
-def test_what_another_service_is_writing_is_left_alone(tmp_path: Path) -> None:
-    store = BlobStore(tmp_path)
+def test_what_another_service_is_writing_is_left_alone(store: BlobStore) -> None:
     with store.writer() as writer:
         writer.write(b"half")
-        BlobStore(tmp_path).discard_incoming()
+        BlobStore(store.root).discard_incoming()
         blob = writer.commit()
-    assert store.path(blob.sha256).read_bytes() == b"half"
+    assert store.fetch(blob.sha256).read_bytes() == b"half"

@@ -24,6 +24,7 @@ from service.problems import (
     problem_type,
 )
 from service.settings import Settings
+from service.storage.blobs import BlobStore
 from service.workers import exporter as module
 from service.workers.child import ChildLostError
 from service.workers.export_aligned import ExportAligned
@@ -50,6 +51,13 @@ class Children:
         return self.started[-1]
 
 
+class AnyBlob(BlobStore):
+    """A store that has each blob that it is asked for."""
+
+    def fetch(self, sha256: str) -> Path:
+        return self.path(sha256)
+
+
 @contextmanager
 def exporter(
     data_dir: Path, monkeypatch: pytest.MonkeyPatch, *lines: Line, timeout_s: float = 60
@@ -57,7 +65,8 @@ def exporter(
     """An exporter whose children say the lines; checks that nothing is left in the end."""
     children = Children(*lines)
     monkeypatch.setattr(module, "Child", children)
-    yield Exporter(Settings(data_dir=data_dir, job_timeout_s=timeout_s)), children
+    settings = Settings(data_dir=data_dir, job_timeout_s=timeout_s)
+    yield Exporter(settings, AnyBlob(data_dir)), children
     assert all(child.is_closed for child in children.started)
     assert list((data_dir / "scratch").iterdir()) == []
 
@@ -208,7 +217,8 @@ def cloud(content):
     return CloudInput(sha256=blob.sha256, size=blob.size)
 
 prepare_forkserver(1)
-exporter = Exporter(Settings(data_dir=data_dir, job_timeout_s=100, job_memory_bytes=2 << 30))
+settings = Settings(data_dir=data_dir, job_timeout_s=100, job_memory_bytes=2 << 30)
+exporter = Exporter(settings, blobs)
 job = new_job(source=cloud(ply()), target=cloud(b"1 2 3\\n4 5 6\\n7 8 9\\n"))
 T = np.eye(4)
 T[:3, 3] = 1, 2, 3

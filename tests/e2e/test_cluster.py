@@ -1,0 +1,74 @@
+"""Services that share a database and a bucket, and no directory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+
+from tests.factories.postgres import Postgres
+from tests.factories.s3 import S3Server
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, finished, registered, running_server
+
+CLOUD = as_npy(arms(1))
+JOBS = "/v1/registrations"
+TUS = {"Tus-Resumable": "1.0.0"}
+
+
+@pytest.fixture(scope="module")
+def settings(postgres: Postgres, s3: S3Server) -> dict[str, object]:
+    database = {"database_url": postgres.new_database(), "maintenance_interval_s": 1}
+    return {**database, **s3.new_prefix(), "workers": 1}
+
+
+@pytest.fixture(scope="module")
+def first(
+    settings: dict[str, object], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Server]:
+    with running_server(tmp_path_factory.mktemp("first"), **settings) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def second(
+    settings: dict[str, object], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Server]:
+    with running_server(tmp_path_factory.mktemp("second"), **settings) as running:
+        yield running
+
+
+def test_what_one_has_another_answers(first: Server, second: Server) -> None:
+    job = registered(first.client, CLOUD, CLOUD)
+    path = f"{JOBS}/{job['id']}"
+    assert second.client.get(path).json()["result"] == job["result"]
+    pairs = second.client.get(f"{path}/inliers").json()
+    assert pairs == first.client.get(f"{path}/inliers").json()
+    aligned = second.client.get(f"{path}/aligned?format=npy")
+    assert (aligned.status_code, aligned.content[:6]) == (200, b"\x93NUMPY")
+
+
+def test_a_stored_cloud_is_used_by_any(first: Server, second: Server) -> None:
+    first.client.put("/v1/clouds/door", content=CLOUD).raise_for_status()
+    body = {"source": {"cloud": "door"}, "target": {"cloud": "door"}}
+    for server in (first, second):
+        answer = server.client.post(JOBS, json=body | {"options": {"seed": server.port}})
+        assert finished(server.client, answer.json()["id"])["status"] == "succeeded"
+
+
+def test_an_upload_in_pieces_becomes_a_cloud_of_all(first: Server, second: Server) -> None:
+    length = {**TUS, "Upload-Length": str(len(CLOUD))}
+    place = first.client.post("/v1/uploads", headers=length).headers["Location"]
+    for offset, piece in ((0, CLOUD[:1000]), (1000, CLOUD[1000:])):
+        headers = {**TUS, "Upload-Offset": str(offset)}
+        headers["Content-Type"] = "application/offset+octet-stream"
+        assert first.client.patch(place, content=piece, headers=headers).status_code == 204
+    cloud = second.client.get(place.replace("uploads", "clouds")).json()
+    assert cloud["size"] == len(CLOUD)
+
+
+def test_a_result_is_reused(first: Server, second: Server) -> None:
+    options = json.dumps({"seed": 7})
+    registered(first.client, CLOUD, CLOUD, options=options)
+    assert second.submit(CLOUD, CLOUD, options=options).json()["cached"] is True
