@@ -83,6 +83,16 @@ def test_files_are_read(bare: Path) -> None:
     run(bare, READ)
 
 
+def test_the_client_loads_httpx_alone() -> None:
+    code = (
+        "import sys, mpe_client\n"
+        "heavy = {'numpy', 'numba', 'scipy', 'fastapi', 'pydantic', 'open3d', 'service',"
+        " 'mpe_core'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=PROJECT, check=True, timeout=60)
+
+
 def test_the_command_names_what_to_install(bare: Path) -> None:
     run(
         bare,

@@ -11,10 +11,17 @@ from service.settings import RENAMED_VARIABLES
 from tools.reference_pages import REFERENCE, render_pages
 
 PROJECT = Path(__file__).parent.parent.parent
-PAGES = [*PROJECT.glob("*.md"), *PROJECT.glob("docs/**/*.md")]
+PAGES = [
+    *PROJECT.glob("*.md"),
+    *PROJECT.glob("docs/**/*.md"),
+    PROJECT / "mpe_client" / "README.md",
+]
 SETTINGS = set(re.findall(r"`(MPE_\w+)`", render_pages()["settings.md"]))
-NOT_SETTINGS = {"MPE_DATA", "MPE_REQUIRE_REAL_DATA", "MPE_REQUIRE_POSTGRES", "MPE_KEY_"}
-"""Variables of the tests, and a prefix that a page names."""
+NOT_SETTINGS = {
+    "MPE_DATA", "MPE_REQUIRE_REAL_DATA", "MPE_REQUIRE_POSTGRES", "MPE_KEY_",
+    "MPE_CLIENT_URL", "MPE_CLIENT_KEY",
+}  # fmt: skip
+"""Variables of the tests and of the client, and a prefix that a page names."""
 
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
@@ -39,7 +46,7 @@ def test_every_link_leads_to_a_file(page: Path) -> None:
 
 
 def test_every_file_that_a_page_names_exists() -> None:
-    named = r"`((?:service|mpe_core|tests|tools)/[\w/]+(?:\.\w+|/))`"
+    named = r"`((?:service|mpe_client|mpe_core|tests|tools)/[\w/]+(?:\.\w+|/))`"
     for page in PAGES:
         for name in re.findall(named, page.read_text()):
             assert (PROJECT / name).exists(), f"{page.name} names {name}"

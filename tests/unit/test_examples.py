@@ -11,7 +11,7 @@ import pytest
 PROJECT = Path(__file__).parent.parent.parent
 MODULES = sorted(
     ".".join(path.relative_to(PROJECT).with_suffix("").parts).removesuffix(".__init__")
-    for package in ("mpe_core", "service")
+    for package in ("mpe_client", "mpe_core", "service")
     for path in (PROJECT / package).rglob("*.py")
     if ">>> " in path.read_text()
 )
