@@ -120,7 +120,7 @@ class Result:
     warnings: list[ResultWarning]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JobSummary:
     """A registration without its result."""
 
@@ -131,7 +131,6 @@ class JobSummary:
     finished_at: datetime | None
     attempt: int
     progress: Progress
-    confidence: float | None
     source: CloudInfo
     target: CloudInfo
     options: dict[str, Any]
@@ -143,6 +142,7 @@ class JobSummary:
     result_expires_at: datetime | None
     expires_at: datetime | None
     timing: Mapping[str, float | None]
+    confidence: float | None = None
     warnings: list[str]
     error: Problem | None
 
@@ -152,7 +152,7 @@ class JobSummary:
         return self.status in TERMINAL
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Job(JobSummary):
     """A registration with its result."""
 

@@ -20,6 +20,7 @@ from mpe_core.options import RegistrationOptions
 from mpe_core.result import CodedWarning, Inliers, Registration
 
 if TYPE_CHECKING:
+    from mpe_core.deviation import Deviation, DeviationSummary, TargetSurface, measure_deviation
     from mpe_core.registration import register
 
 __all__ = [
@@ -27,6 +28,8 @@ __all__ = [
     "CodedWarning",
     "CoordinateRangeError",
     "DegenerateCloudError",
+    "Deviation",
+    "DeviationSummary",
     "Inliers",
     "InvalidCloudError",
     "InvalidOptionsError",
@@ -34,9 +37,12 @@ __all__ = [
     "Registration",
     "RegistrationError",
     "RegistrationOptions",
+    "TargetSurface",
     "TooFewPointsError",
+    "measure_deviation",
     "register",
 ]
+_DEVIATION = ("Deviation", "DeviationSummary", "TargetSurface", "measure_deviation")
 
 
 def __getattr__(name: str) -> object:
@@ -44,4 +50,8 @@ def __getattr__(name: str) -> object:
         from mpe_core.registration import register
 
         return register
+    if name in _DEVIATION:
+        from mpe_core import deviation
+
+        return getattr(deviation, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -50,6 +50,15 @@ class NearestNeighbors:
         )
         return np.asarray(distance), np.asarray(row, np.int64)
 
+    def nearest_of(
+        self, points: NDArray[np.float64], count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return (N, count) distances and rows of the nearest points of the cloud, in order."""
+        distance, row = self._tree.query(
+            points, list(range(1, count + 1)), workers=numba.get_num_threads()
+        )
+        return np.asarray(distance), np.asarray(row, np.int64)
+
 
 def nearest_rows(
     points: NDArray[np.float64], cloud: NDArray[np.float64], reach: float

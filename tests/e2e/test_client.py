@@ -65,7 +65,7 @@ def test_every_kind_of_cloud_gives_the_same_pose(client: Client, folder: Path) -
     poses = []
     content = io.BytesIO((folder / "source.ply").read_bytes())
     for source in (folder / "source.ply", POINTS, content):
-        job = client.align(source, StoredCloud(stored.id), timeout_s=100)
+        job = client.align(source, StoredCloud(stored.id))
         poses.append(job.require_result().translation)
     np.testing.assert_allclose(poses, np.tile([0.5, 0.25, 0.125], (3, 1)), atol=1e-3)
     with pytest.raises(RegistrationFailedError, match="complete") as caught:
