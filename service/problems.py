@@ -140,6 +140,12 @@ class UploadConflictError(ServiceError):
     problem = ProblemType(409, "upload-conflict", "Upload-Offset does not match")
 
 
+class PageNotFoundError(ServiceError):
+    """The page, or a file of it, does not exist."""
+
+    problem = ProblemType(404, "unknown-page", "There is no such page")
+
+
 class TusVersionError(ServiceError):
     """The Tus-Resumable header names no supported version."""
 

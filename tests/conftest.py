@@ -1,4 +1,4 @@
-"""What tests need beside the project: the real clouds and PostgreSQL; what happens without them."""
+"""What tests need beside the project: real clouds, PostgreSQL, a browser; what if they lack."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser, sync_playwright
 
+from tests.factories.browser import find_chromium, launch
 from tests.factories.postgres import Postgres, find_programs, running_postgres
 from tests.factories.s3 import S3Server, running_s3
 
@@ -18,6 +20,9 @@ REQUIRED = os.environ.get("MPE_REQUIRE_REAL_DATA") == "1"
 
 POSTGRES_REQUIRED = os.environ.get("MPE_REQUIRE_POSTGRES") == "1"
 NO_POSTGRES = "there is no PostgreSQL server: install the Debian package postgresql"
+
+BROWSER_REQUIRED = os.environ.get("MPE_REQUIRE_BROWSER") == "1"
+NO_BROWSER = "there is no browser: install the Debian package chromium"
 
 
 @pytest.fixture(scope="session")
@@ -47,6 +52,18 @@ def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[S3Server]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """A running browser; skipped loudly without it, or a failure where CI needs it."""
+    program = find_chromium()
+    if program is None:
+        (pytest.fail if BROWSER_REQUIRED else pytest.skip)(NO_BROWSER)
+    with sync_playwright() as playwright:
+        running = launch(playwright, program)
+        yield running
+        running.close()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Try tests of servers, children and waits again once; a wrong pose never gets a second chance.
 
@@ -61,6 +78,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     if find_programs() is None:
         terminalreporter.section("POSTGRESQL ABSENT", sep="!", red=True)
         terminalreporter.line(f"Nothing was tested on it: {NO_POSTGRES}.")
+    if find_chromium() is None:
+        terminalreporter.section("BROWSER ABSENT", sep="!", red=True)
+        terminalreporter.line(f"The page was not tested in one: {NO_BROWSER}.")
     if not (DATA / "pairs.json").is_file():
         terminalreporter.section("REAL DATA ABSENT", sep="!", red=True)
         terminalreporter.line(f"Nothing was tested on real clouds: there is no {DATA}/pairs.json.")

@@ -1,7 +1,8 @@
 """Bare Debian machines in a directory: debootstrap, and commands run in a chroot of it.
 
 Needs root. The mirror is the one in this machine's apt sources; commands that install see this
-machine's pip configuration and certificates, which are mounted for them and stay out of the tree.
+machine's pip and npm configuration and certificates, which are mounted for them and stay out of the
+tree.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from pathlib import Path
 SUITE = "bookworm"
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
-PIP_FILES = {
+REGISTRY_FILES = {
     "etc/pip.conf": Path("/etc/pip.conf"),
     "root/.config/pip/pip.conf": Path.home() / ".config/pip/pip.conf",
+    "root/.npmrc": Path.home() / ".npmrc",
 }
 
 
@@ -60,10 +62,12 @@ def in_chroot(
     """
     variables = {"PATH": PATH, "HOME": "/root", "DEBIAN_FRONTEND": "noninteractive"}
     variables |= {k: v for k, v in os.environ.items() if k in ("PIP_INDEX_URL", "PIP_TRUSTED_HOST")}
-    variables |= {"PIP_CERT": f"/run/{CERTIFICATES.name}"} | dict(environment or {})
+    certificates = f"/run/{CERTIFICATES.name}"
+    variables |= {"PIP_CERT": certificates, "npm_config_cafile": certificates}
+    variables |= dict(environment or {})
     mounts = [f"mount -t proc proc {root}/proc", f"mount --rbind /dev {root}/dev"]
     mounts += [f"mount -t tmpfs tmpfs {root}/tmp"]
-    for inside, outside in (PIP_FILES | {f"run/{CERTIFICATES.name}": CERTIFICATES}).items():
+    for inside, outside in (REGISTRY_FILES | {f"run/{CERTIFICATES.name}": CERTIFICATES}).items():
         if outside.exists():
             (root / inside).parent.mkdir(parents=True, exist_ok=True)
             (root / inside).touch()

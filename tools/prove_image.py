@@ -131,7 +131,11 @@ def _copy(stage: Stage, words: list[str], stages: dict[str, Stage]) -> None:
         goal = destination / path.name if target.endswith("/") else destination
         goal.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
-            ignored = shutil.ignore_patterns("__pycache__") if origin == PROJECT else None
+            ignored = (
+                shutil.ignore_patterns("__pycache__", "node_modules", "static")
+                if origin == PROJECT
+                else None
+            )
             shutil.copytree(path, goal, symlinks=True, ignore=ignored, dirs_exist_ok=True)
         else:
             shutil.copy2(path, goal)

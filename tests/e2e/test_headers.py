@@ -47,7 +47,7 @@ def test_every_answer_is_protected(server: Server) -> None:
         answer = server.client.get(path)
         assert answer.status_code == 200
         protected(answer)
-    for path in ("/", "/v1/nothing", "/v1/clouds/none", "/v1/registrations?limit=0"):
+    for path in ("/nothing", "/v1/nothing", "/v1/clouds/none", "/v1/registrations?limit=0"):
         protected(server.client.get(path))
     protected(server.client.options("/v1/uploads"))
     protected(server.client.put("/v1/registrations"))

@@ -21,7 +21,7 @@ def last(keyword: str) -> str:
 
 
 def test_steps_are_those_that_the_proof_runs() -> None:
-    assert [name for name, _ in STEPS].count("FROM") == 2
+    assert [name for name, _ in STEPS].count("FROM") == 3
     assert all(rest.partition(" AS ")[0] in BASES for name, rest in STEPS if name == "FROM")
 
 

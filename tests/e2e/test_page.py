@@ -1,0 +1,271 @@
+"""The page at /, in a real browser: two clouds are dropped, and the result is seen and judged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, Page, Position, expect
+from scipy.spatial.transform import Rotation
+
+from tests.factories.browser import (
+    align,
+    choose_files,
+    count_colors,
+    find_barriers,
+    keep_screenshot,
+    opened,
+    overflows,
+    pixels,
+    share_unlike,
+    wait_for_frame,
+    wait_for_view,
+)
+from tests.factories.scans import arms, as_npy
+from tests.factories.server import Server, registered, running_server
+from tests.factories.slow import slow_pair
+from tests.factories.tenants import caller, new_key
+
+FAR = np.array([500_000.0, 4_000_000.0, 100.0])
+TURN = Rotation.from_euler("z", 70, degrees=True).as_matrix()
+SOURCE, TARGET = arms(1, 3000), arms(1, 3000) @ TURN.T
+PAIR = as_npy(SOURCE), as_npy(TARGET)
+LABELS = json.dumps({"source": "blade-1.npy", "target": "blade-2.npy"})
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    with running_server(tmp_path_factory.mktemp("page"), require_keys=True) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def key(server: Server) -> str:
+    return new_key(server, "alice")
+
+
+@pytest.fixture(scope="module")
+def job(server: Server, key: str) -> str:
+    """Id of a registration that has a result."""
+    with caller(server, key) as client:
+        made: str = registered(client, *PAIR, labels=LABELS)["id"]
+        return made
+
+
+def test_the_walk_from_two_files_to_a_verdict(
+    browser: Browser, server: Server, key: str, tmp_path: Path
+) -> None:
+    with opened(browser, server, key=key) as page:
+        choose_files(page, tmp_path, as_npy(SOURCE), as_npy(SOURCE @ TURN.T + 0.001), "npy")
+        align(page)
+        expect(page.locator(".verdict h2")).to_contain_text("Trust it")
+        assert page.locator(".clouds").inner_text() == "source.npy onto target.npy"
+        after = pixels(wait_for_view(page))
+        assert count_colors(after) > 100
+        keep_screenshot(page, "result")
+        page.get_by_role("button", name="Before").click()
+        before = pixels(wait_for_view(page, share=0))
+        assert share_unlike(before, after) > 0.01
+        page.get_by_role("button", name="After").click()
+        wait_for_view(page)
+        page.select_option("#colors", "distance")
+        by_distance = pixels(wait_for_view(page))
+        assert share_unlike(by_distance, after) > 0.01
+        assert page.locator("#range").input_value()
+        keep_screenshot(page, "distances")
+
+
+def find_source(picture: NDArray[np.uint8]) -> Position:
+    """A place where the source is drawn: it is orange."""
+    red, _, blue = picture.astype(int).transpose(2, 0, 1)
+    rows, columns = np.nonzero(red - blue > 80)
+    middle = len(rows) // 2
+    return {"x": float(columns[middle]), "y": float(rows[middle])}
+
+
+def test_what_the_view_can_do(browser: Browser, server: Server, key: str, job: str) -> None:
+    with opened(browser, server, f"/#/registrations/{job}", key=key) as page:
+        canvas = wait_for_view(page)
+        seen = pixels(canvas)
+
+        def changes(act: Callable[[], None]) -> None:
+            nonlocal seen
+            before, seen = seen, wait_for_frame(page, act)
+            assert share_unlike(before, seen) > 0.002
+
+        for name in ("Top", "Front", "Side", "Reset"):
+            changes(page.get_by_role("button", name=name).click)
+        canvas.focus()
+        changes(lambda: page.keyboard.press("ArrowLeft"))
+        changes(lambda: page.keyboard.press("Home"))
+        page.get_by_text("Points and section box").click()
+        for control, value in (("#size", "6"), ("#cut-x-to", "0.5"), ("#cut-x-to", "1")):
+            changes(lambda: page.locator(control).fill(value))  # noqa: B023
+        for control in ("#show-source", "#show-target"):
+            changes(page.locator(control).uncheck)
+        changes(page.locator("#show-source").check)
+        canvas.click(position=find_source(pixels(canvas)))
+        expect(page.locator(".picked")).to_contain_text("distance when aligned")
+
+
+def test_the_pose_in_other_forms_and_files(
+    browser: Browser, server: Server, key: str, job: str
+) -> None:
+    with opened(browser, server, f"/#/registrations/{job}", key=key) as page:
+        with caller(server, key) as client:
+            T = client.get(f"/v1/registrations/{job}").json()["result"]["transform"]
+        pose = page.locator("section", has=page.get_by_role("heading", name="Pose")).locator("pre")
+        assert json.loads(pose.inner_text()) == T
+        page.select_option("#pose-form", label="4×4, column-major")
+        assert json.loads(pose.inner_text()) == np.transpose(T).ravel().tolist()
+        page.select_option("#pose-form", index=3)
+        yaw = float(pose.inner_text().split("°")[0].split()[-1])
+        assert yaw == pytest.approx(70, abs=0.5)
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="Download").click()
+        assert saved.value.suggested_filename == f"aligned-{job[:8]}.ply"
+        assert Path(saved.value.path()).read_bytes().startswith(b"ply")
+
+
+def test_georeferenced_clouds_are_drawn_as_exactly_as_others(
+    browser: Browser, server: Server, key: str
+) -> None:
+    source = "\n".join(f"{x!r} {y!r} {z!r}" for x, y, z in (SOURCE + FAR).tolist()).encode()
+    with caller(server, key) as client:
+        far = registered(client, source, PAIR[1])["id"]
+    with opened(browser, server, f"/#/registrations/{far}", key=key) as page:
+        assert count_colors(pixels(wait_for_view(page))) > 100
+        expect(page.locator(".notes")).to_contain_text("far apart")
+        expect(page.locator(".verdict h2")).to_contain_text("Trust it")
+
+
+def test_a_bad_file_is_named(browser: Browser, server: Server, key: str, tmp_path: Path) -> None:
+    with opened(browser, server, key=key, expected=("415", "422")) as page:
+        choose_files(page, tmp_path, b"%PDF-1.4 no cloud", PAIR[1], "npy")
+        align(page)
+        expect(page.locator(".face.problem")).to_contain_text("source")
+        choose_files(page, tmp_path, b"1 2 3\n4 5 6\n", PAIR[1], "xyz")
+        align(page)
+        expect(page.locator(".card .face.problem")).to_contain_text("points")
+
+
+def test_options_are_sent_and_a_running_registration_is_cancelled(
+    browser: Browser, server: Server, key: str, tmp_path: Path
+) -> None:
+    with opened(browser, server, key=key) as page:
+        choose_files(page, tmp_path, *slow_pair(), "npy")
+        page.get_by_text("Options", exact=True).click()
+        page.get_by_text("Method", exact=True).first.click()
+        page.select_option("#option-method", "mpe")
+        page.select_option("#option-field", "exact")
+        page.fill("#option-max_iterations", "10000")
+        align(page)
+        expect(page.locator(".running progress")).to_be_visible()
+        page.get_by_role("button", name="Cancel").click()
+        expect(page.locator(".face h3")).to_have_text("Cancelled")
+        job = page.url.rpartition("/")[2]
+    with caller(server, key) as client:
+        options = client.get(f"/v1/registrations/{job}").json()["options"]
+    assert (options["field"], options["max_iterations"]) == ("exact", 10000)
+
+
+def test_a_key_is_asked_for_and_kept_in_the_tab(
+    browser: Browser, server: Server, key: str, job: str
+) -> None:
+    with opened(browser, server, "/#/registrations", expected=("401",)) as page:
+        expect(page.locator(".face.key h3")).to_have_text("A key is needed")
+        page.fill("#face-key", "mpe_wrong")
+        page.keyboard.press("Enter")
+        expect(page.locator(".face.key h3")).to_have_text("This key is not valid")
+        page.fill("#face-key", key)
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("link", name="blade-1.npy onto blade-2.npy").first).to_be_visible()
+        assert page.evaluate("[localStorage.length, document.cookie]") == [0, ""]
+        page.fill("#search", "nothing of that name")
+        expect(page.locator(".face h3")).to_have_text("None found")
+        page.fill("#search", job)
+        page.get_by_role("link", name="blade-1.npy onto blade-2.npy").click()
+        expect(page.locator(".verdict h2")).to_be_visible()
+
+
+def answer(page: Page, path: str, status: int, document: dict[str, object]) -> None:
+    """Let the service answer so."""
+    page.route(
+        f"**{path}",
+        lambda route: route.fulfill(status=status, json=document),
+    )
+
+
+def test_what_is_not_there_has_a_face(browser: Browser, server: Server, key: str, job: str) -> None:
+    with caller(server, key) as client:
+        document = client.get(f"/v1/registrations/{job}").json() | {"result": None}
+    with opened(browser, server, key=key, expected=("404", "503", "ERR_")) as page:
+        answer(page, f"/v1/registrations/{job}", 200, document)
+        page.goto(f"{server.url}/#/registrations/{job}")
+        expect(page.locator(".face h3")).to_have_text("The result has expired")
+        page.goto(f"{server.url}/#/registrations/none")
+        expect(page.locator(".face h3")).to_have_text("There is no such registration")
+        page.route("**/v1/registrations?*", lambda route: route.abort())
+        page.goto(f"{server.url}/#/registrations")
+        expect(page.locator(".face h3")).to_have_text("The service does not answer")
+        page.unroute("**/v1/registrations?*")
+        answer(page, "/v1/registrations?*", 200, {"items": [], "next_cursor": None})
+        page.get_by_role("button", name="Try again").click()
+        expect(page.locator(".face h3")).to_have_text("No registrations yet")
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1280, True), (390, False)])
+def test_widths_themes_and_barriers(
+    browser: Browser, server: Server, key: str, job: str, width: int, dark: bool
+) -> None:
+    with opened(browser, server, key=key, width=width, dark=dark, lets_scripts_in=True) as page:
+        page.locator("details.options > summary").click()
+        for name, path in (
+            ("start", "/"),
+            ("list", "/#/registrations"),
+            ("job", f"/#/registrations/{job}"),
+        ):
+            page.goto(server.url + path)
+            page.locator("main h1").wait_for()
+            if name == "job":
+                wait_for_view(page)
+            keep_screenshot(page, f"{name}-{width}-{'dark' if dark else 'light'}")
+            assert not overflows(page), name
+            assert find_barriers(page) == [], name
+
+
+def test_the_keyboard_is_enough(
+    browser: Browser, server: Server, key: str, job: str, tmp_path: Path
+) -> None:
+    with opened(browser, server, key=key) as page:
+        choose_files(page, tmp_path, *PAIR, "npy")
+        reached = set()
+        for _ in range(20):
+            page.keyboard.press("Tab")
+            reached.add(
+                page.evaluate("document.activeElement.id || document.activeElement.textContent")
+            )
+            if page.evaluate("document.activeElement.textContent") == "Align":
+                break
+        assert {"source-file", "target-file", "source-kind", "Options", "Align"} <= reached
+        page.keyboard.press("Enter")
+        expect(page.locator(".verdict h2")).to_be_visible()
+
+
+def test_the_page_is_bound_to_its_own_host_and_its_files_are_cached(server: Server) -> None:
+    page = server.client.get("/")
+    policy = page.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert page.headers["Cache-Control"] == "no-cache"
+    script = page.text.split('src="')[1].split('"')[0]
+    asset = server.client.get(f"/{script}")
+    assert "immutable" in asset.headers["Cache-Control"]
+    known = server.client.get(f"/{script}", headers={"If-None-Match": asset.headers["ETag"]})
+    assert (known.status_code, known.content) == (304, b"")
+    for name in ("none.js", "..%2Findex.html", "%2e%2e%2findex.html", ".", "main.ts"):
+        assert server.client.get(f"/assets/{name}").status_code == 404

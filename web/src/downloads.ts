@@ -1,0 +1,93 @@
+// Files to save, and the lines that do the same from a shell or from Python.
+import { download, getKey, REGISTRATIONS, type Job } from "./api";
+import { copyable, h } from "./dom";
+import { showProblem } from "./faces";
+
+export const FORMATS = ["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"];
+
+export function makeDownloads(job: Job): HTMLElement {
+  const path = `${REGISTRATIONS}/${job.id}`;
+  const status = h("div");
+  const format = h("select", { id: "format" }, ...FORMATS.map((name) => h("option", { value: name }, name.toUpperCase())));
+  const merged = h("input", { type: "checkbox", id: "merged" });
+  const save = (text: string, what: () => [string, string]): HTMLElement => {
+    const button = h("button", { type: "button" }, text);
+    button.addEventListener("click", async () => {
+      button.disabled = true;
+      status.replaceChildren();
+      try {
+        await download(...what());
+      } catch (error) {
+        status.replaceChildren(showProblem(error));
+      }
+      button.disabled = false;
+    });
+    return button;
+  };
+  return h(
+    "section",
+    { className: "card" },
+    h("h2", {}, "Files"),
+    h(
+      "div",
+      { className: "row" },
+      h("label", { htmlFor: "format" }, "Aligned source as"),
+      format,
+      merged,
+      h("label", { htmlFor: "merged" }, "with the target"),
+      save("Download", () => [
+        `${path}/aligned?format=${format.value}&merged=${merged.checked}`,
+        `${merged.checked ? "merged" : "aligned"}-${job.id.slice(0, 8)}.${format.value}`,
+      ]),
+    ),
+    h(
+      "div",
+      { className: "row" },
+      save("Result (JSON)", () => [path, `registration-${job.id.slice(0, 8)}.json`]),
+      save("Inlier pairs (NPY)", () => [`${path}/inliers?format=npy`, `inliers-${job.id.slice(0, 8)}.npy`]),
+    ),
+    status,
+    h("h3", {}, "The same with curl"),
+    copyable(writeCurl(job, path), "curl lines"),
+    h("h3", {}, "The same in Python"),
+    copyable(writePython(job), "Python lines"),
+  );
+}
+
+function givenOptions(job: Job): [string, unknown][] {
+  return Object.entries(job.options).filter(([, value]) => value !== null);
+}
+
+function writeCurl(job: Job, path: string): string {
+  const { origin } = location;
+  const key = getKey() ? ` \\\n    -H "Authorization: Bearer $MPE_CLIENT_KEY"` : "";
+  const options = JSON.stringify(Object.fromEntries(givenOptions(job)));
+  const [source, target] = (["source", "target"] as const).map((role) => writeCloud(job, role));
+  return [
+    `curl -sS -H 'Prefer: wait=60'${key} \\\n    -F ${source} -F ${target} \\\n    -F 'options=${options}' \\\n    ${origin}${REGISTRATIONS}`,
+    `curl -sS${key.replace(" \\\n   ", "")} "${origin}${path}/aligned?format=ply" -o aligned.ply`,
+  ].join("\n");
+}
+
+function writeCloud(job: Job, role: "source" | "target"): string {
+  const { url, cloud } = job[role];
+  if (cloud) return quote(`${role}={"cloud": ${JSON.stringify(cloud)}}`);
+  if (url) return quote(`${role}={"url": ${JSON.stringify(url)}}`);
+  return quote(`${role}=@${job.labels[role] ?? `${role}.ply`}`);
+}
+
+function quote(text: string): string {
+  return /^[\w@=.,/:-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
+}
+
+function writePython(job: Job): string {
+  const name = (role: "source" | "target"): string => JSON.stringify(job.labels[role] ?? `${role}.ply`);
+  return [
+    "from mpe_core import register",
+    "from service.formats import read_points",
+    "",
+    `source, target = read_points(${name("source")}), read_points(${name("target")})`,
+    "result = register(source.points, target.points)",
+    "print(result.T_target_source, result.confidence)",
+  ].join("\n");
+}
