@@ -20,16 +20,19 @@ from mpe_client.inputs import CloudSource, StoredCloud
 from mpe_client.models import (
     Cloud,
     CloudInfo,
+    Deviation,
     InlierList,
     InlierSummary,
     Job,
     JobPage,
     JobSummary,
+    Percentile,
     Problem,
     Progress,
     Result,
     ResultWarning,
     Rotation,
+    ToleranceShare,
 )
 from mpe_client.parameters import Options, Reading, Readings, Submission
 from mpe_client.retry import Patience
@@ -43,6 +46,7 @@ __all__ = [
     "Cloud",
     "CloudInfo",
     "CloudSource",
+    "Deviation",
     "InlierList",
     "InlierSummary",
     "InvalidResponseError",
@@ -51,6 +55,7 @@ __all__ = [
     "JobSummary",
     "Options",
     "Patience",
+    "Percentile",
     "Problem",
     "ProblemError",
     "Progress",
@@ -63,6 +68,7 @@ __all__ = [
     "Rotation",
     "StoredCloud",
     "Submission",
+    "ToleranceShare",
     "UnreachableError",
     "WaitTimeoutError",
     "align",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Self, Unpack
 
@@ -11,7 +11,7 @@ import httpx
 from mpe_client.connection import Connection
 from mpe_client.core import RESUMABLE_BYTES, Core
 from mpe_client.inputs import CloudSource, PathText
-from mpe_client.models import Cloud, InlierList, Job, JobSummary
+from mpe_client.models import Cloud, Deviation, InlierList, Job, JobSummary
 from mpe_client.parameters import Filters, Submission
 from mpe_client.retry import Patience
 from mpe_client.session import Session
@@ -139,9 +139,38 @@ class Client:
         """Return all inlier pairs."""
         return run_blocking(self._core.inliers(job_id))
 
-    def download_aligned(self, job_id: str, path: PathText, *, merged: bool = False) -> Path:
-        """Write the moved source, with `merged` the target too; the suffix says the format."""
-        return run_blocking(self._core.download_aligned(job_id, path, merged=merged))
+    def deviation(
+        self,
+        job_id: str,
+        *,
+        tolerances: Sequence[float] = (),
+        max_distance: float | None = None,
+    ) -> Deviation:
+        """Return statistics of the distances of the moved source from the target's surface.
+
+        Parameters
+        ----------
+        tolerances
+            Distances for which the share of points within them is wanted.
+        max_distance
+            Points farther away do not count, as they have no counterpart.
+        """
+        return run_blocking(self._core.deviation(job_id, tolerances, max_distance))
+
+    def download_aligned(
+        self, job_id: str, path: PathText, *, merged: bool = False, distances: bool = False
+    ) -> Path:
+        """Write the moved source, in the format of the suffix.
+
+        Parameters
+        ----------
+        merged
+            Whether the target is appended.
+        distances
+            Whether the distance of each point from the target is added, as a scalar field.
+        """
+        work = self._core.download_aligned(job_id, path, merged=merged, distances=distances)
+        return run_blocking(work)
 
     def upload(self, cloud: CloudSource, *, format: str | None = None) -> Cloud:
         """Store a cloud, in pieces that are sent again where the line breaks."""

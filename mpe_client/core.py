@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ import httpx
 
 from mpe_client.errors import RegistrationCancelledError, RegistrationFailedError, UnreachableError
 from mpe_client.inputs import CloudSource, LocalFile, PathText, Reference, open_cloud
-from mpe_client.models import Cloud, InlierList, Job, JobPage, JobSummary
+from mpe_client.models import Cloud, Deviation, InlierList, Job, JobPage, JobSummary
 from mpe_client.parameters import Filters, Submission, as_json, render_fields
 from mpe_client.parse import parse_json
 from mpe_client.retry import Tries
@@ -113,9 +113,21 @@ class Core:
         """Return all inlier pairs."""
         return await self._fetch(InlierList, f"{_REGISTRATIONS}/{job_id}/inliers")
 
-    async def download_aligned(self, job_id: str, path: PathText, *, merged: bool) -> Path:
+    async def deviation(
+        self, job_id: str, tolerances: Sequence[float], max_distance: float | None
+    ) -> Deviation:
+        """Return the statistics of the distances from the target."""
+        limit = {} if max_distance is None else {"max_distance": max_distance}
+        params = {"tolerance": list(tolerances), **limit}
+        path = f"{_REGISTRATIONS}/{job_id}/deviation"
+        return await self._fetch(Deviation, path, params, timeout=DOWNLOAD_S)
+
+    async def download_aligned(
+        self, job_id: str, path: PathText, *, merged: bool, distances: bool
+    ) -> Path:
         """Write the moved source; the suffix of the path says the format."""
-        params = {"format": Path(path).suffix.lower().lstrip(".") or "ply", "merged": merged}
+        format = Path(path).suffix.lower().lstrip(".") or "ply"
+        params = {"format": format, "merged": merged, "distances": distances}
         return await self._download(job_id, "aligned", path, params)
 
     async def upload(self, cloud: CloudSource, format: str | None) -> Cloud:
@@ -140,9 +152,9 @@ class Core:
         return {"cloud": await upload_resumably(self.session, cloud, reading.get("format"))}
 
     async def _fetch(
-        self, model: type[Model], path: str, params: Mapping[str, Any] | None = None
+        self, model: type[Model], path: str, params: Mapping[str, Any] | None = None, **given: Any
     ) -> Model:
-        response = await self.session.call("GET", path, params=params)
+        response = await self.session.call("GET", path, params=params, **given)
         return parse_json(model, response.content)
 
     async def _download(

@@ -180,6 +180,40 @@ class JobPage:
 
 
 @dataclass(frozen=True, slots=True)
+class Percentile:
+    """A percentile of distances."""
+
+    percent: float
+    value: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ToleranceShare:
+    """How many points lie within a tolerance."""
+
+    tolerance: float
+    share: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Statistics of the distances of the moved source points from the target's surface."""
+
+    signed: bool
+    count: int
+    beyond: int
+    mean: float | None
+    std: float | None
+    rms: float | None
+    minimum: float | None
+    maximum: float | None
+    percentiles: list[Percentile]
+    shares: list[ToleranceShare]
+    histogram_edges: list[float]
+    histogram_counts: list[int]
+
+
+@dataclass(frozen=True, slots=True)
 class Cloud:
     """A stored cloud."""
 

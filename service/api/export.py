@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import AsyncIterator
 from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import count_file
+from service.api.admission import check_disk, count_file
 from service.api.disconnect import unless_disconnected
 from service.api.middleware.conditional import is_known
 from service.api.threads import OwnThreads
 from service.auth.authenticator import Caller
-from service.problems import ExpiredError
+from service.jobs.model import JobRow
+from service.problems import ExpiredError, ResultNotReadyError
 from service.runtime import Runtime
+from service.workers.aligned_pair import AlignedPair
 from service.workers.exporter import MAX_RUNNING, ExportedFile
 
 FILE = "application/octet-stream"
@@ -36,6 +40,28 @@ def require_blobs(runtime: Runtime, *hashes: str | None) -> list[Path]:
     except FileNotFoundError:
         pass
     raise ExpiredError("The result or a cloud has expired; register the clouds again.")
+
+
+def require_pair(job: JobRow, runtime: Runtime) -> tuple[AlignedPair, dict[str, Any]]:
+    """Return what tasks need of a registration, and its result.
+
+    Raises
+    ------
+    ResultNotReadyError
+        It has not succeeded.
+    ExpiredError
+        Its result or a cloud is no longer stored.
+    """
+    if job.status != "succeeded":
+        raise ResultNotReadyError(
+            f"The registration is {job.status}; only a result can be applied."
+        )
+    path, *_ = require_blobs(runtime, job.result_sha256, job.source.sha256, job.target.sha256)
+    result: dict[str, Any] = json.loads(path.read_bytes())
+    viewpoint = job.options.get("target_viewpoint")
+    pair = AlignedPair(result["transform"], job.source, job.target, viewpoint and list(viewpoint))
+    check_disk(runtime)
+    return pair, result
 
 
 @asynccontextmanager

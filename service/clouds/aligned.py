@@ -14,6 +14,11 @@ from service.formats import DecodedCloud, LasRecord, write_cloud, write_pieces
 
 Read = Callable[[], Iterator[DecodedCloud]]
 """Returns the pieces of a cloud with their attributes: one, unless it is large."""
+Measure = Callable[[NDArray[np.floating]], NDArray[np.float64]]
+"""Returns the (N,) distances of moved points (N, 3) from the target's surface."""
+DISTANCE_NAMES = {"ply": "scalar_distance"}
+"""Name of the attribute with the distances, by format, where it is not "distance": CloudCompare
+writes `scalar_` before the names of scalar fields in PLY files, and takes it off again."""
 
 
 def write_aligned(
@@ -23,6 +28,7 @@ def write_aligned(
     crs: tuple[LasRecord, ...],
     source: Read,
     target: Read | None = None,
+    measure: Measure | None = None,
 ) -> tuple[str, ...]:
     """Write the moved source, whole, or in pieces where the memory does not hold it.
 
@@ -40,6 +46,8 @@ def write_aligned(
         Reads the source.
     target
         Reads the target, if it is to be appended.
+    measure
+        Measures the distances that are added as an attribute; those of an appended target are NaN.
 
     Returns
     -------
@@ -53,11 +61,13 @@ def write_aligned(
     """
     clouds = [_read_whole(read) for read in (source, target) if read is not None]
     if any(cloud is None for cloud in clouds):
-        return write_pieces(path, format, lambda: _iter_aligned(T, crs, source, target))
+        return write_pieces(
+            path, format, lambda: _iter_aligned(T, crs, source, target, measure, format)
+        )
     first, *others = (cloud for cloud in clouds if cloud is not None)
-    cloud = transform_cloud(first, T)
+    cloud = _add_distances(transform_cloud(first, T), measure, format)
     for other in others:
-        cloud = merge_clouds(cloud, other)
+        cloud = merge_clouds(cloud, _add_distances(other, measure and _no_distances, format))
     cloud = adopt_crs(cloud, crs)
     return cloud.warnings + write_cloud(path, format, cloud)
 
@@ -70,17 +80,46 @@ def _read_whole(read: Read) -> DecodedCloud | None:
 
 
 def _iter_aligned(
-    T: NDArray[np.float64], crs: tuple[LasRecord, ...], source: Read, target: Read | None
+    T: NDArray[np.float64],
+    crs: tuple[LasRecord, ...],
+    source: Read,
+    target: Read | None,
+    measure: Measure | None,
+    format: str,
 ) -> Iterator[DecodedCloud]:
     """Yield the moved pieces of the source, and those of the target."""
     names = None if target is None else _common_names(source, target)
+    if names is not None and measure is not None:
+        names.append(distance_name(format))
     for piece in source():
-        moved = adopt_crs(transform_cloud(piece, T), crs)
+        moved = _add_distances(adopt_crs(transform_cloud(piece, T), crs), measure, format)
         yield moved if names is None else _number(moved, 0, names)
     if target is None or names is None:
         return
     for piece in target():
-        yield _number(replace(piece, attributes=list_attributes(piece), crs=crs), 1, names)
+        cloud = replace(piece, attributes=list_attributes(piece), crs=crs)
+        yield _number(_add_distances(cloud, measure and _no_distances, format), 1, names)
+
+
+def distance_name(format: str) -> str:
+    """Return the name of the attribute with the distances in a file of this format."""
+    return DISTANCE_NAMES.get(format, "distance")
+
+
+def _add_distances(cloud: DecodedCloud, measure: Measure | None, format: str) -> DecodedCloud:
+    """Add the distances of the points, if they are wanted."""
+    if measure is None:
+        return cloud
+    name, attributes = distance_name(format), list_attributes(cloud)
+    warnings = cloud.warnings
+    if name in attributes:
+        warnings += (f"{name!r} of the file is replaced by the distances from the target",)
+    attributes[name] = measure(cloud.points).astype(np.float32)
+    return replace(cloud, attributes=attributes, warnings=warnings)
+
+
+def _no_distances(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.full(len(points), np.nan)
 
 
 def _common_names(source: Read, target: Read) -> list[str]:

@@ -7,6 +7,7 @@ from service.schemas.base import (
     ResponseModel,
     StrictModel,
 )
+from service.schemas.deviation import Deviation, Percentile, ToleranceShare
 from service.schemas.registration import (
     CloudInfo,
     Delivery,
@@ -57,6 +58,7 @@ __all__ = [
     "Delivery",
     "DeliveryAttempt",
     "DeliveryList",
+    "Deviation",
     "Event",
     "FormatInfo",
     "FormatList",
@@ -68,6 +70,7 @@ __all__ = [
     "JobPage",
     "JobSummary",
     "Labels",
+    "Percentile",
     "Problem",
     "Progress",
     "Reading",
@@ -81,5 +84,6 @@ __all__ = [
     "StrictModel",
     "TenantUsage",
     "Timing",
+    "ToleranceShare",
     "describe_options",
 ]

@@ -12,26 +12,22 @@ import numpy as np
 from service.clouds.aligned import write_aligned
 from service.clouds.inputs import CloudInput
 from service.formats import DecodedCloud, read_crs, read_pieces
-from service.storage.blobs import blob_path
+from service.workers.aligned_pair import PairTask
 from service.workers.messages import MAX_WARNINGS, Exported, clip
 from service.workers.progress import ProgressReport
-from service.workers.task import FileTask
 
 _SAMPLES = "surface_samples"
 """The choice that a written mesh does without: its vertices are moved, its faces are kept."""
 
 
 @dataclass(frozen=True, slots=True)
-class ExportAligned(FileTask):
+class ExportAligned(PairTask):
     """Write the transformed source, with the target if that is wanted, to `output`."""
 
-    transform: list[list[float]]
-    """Pose of the source in the target's frame, (4, 4)."""
-    source: CloudInput
-    target: CloudInput
-    """The cloud in whose frame the source is written."""
     is_merged: bool
     """Whether the target is appended."""
+    has_distances: bool
+    """Whether the distance of each point from the target's surface is written."""
     format: str
     """A key of service.formats.WRITERS."""
 
@@ -40,34 +36,27 @@ class ExportAligned(FileTask):
         """The file that is written, in the scratch folder."""
         return self.environment.scratch / f"aligned.{self.format}"
 
-    @property
-    def readable(self) -> list[Path]:
-        """The clouds."""
-        return [self._path(cloud) for cloud in (self.source, self.target)]
-
     def perform(self, report: ProgressReport) -> Exported:
-        """Decode, transform, write.
+        """Decode, transform, measure, write.
 
         Raises
         ------
         CloudFileError
             A file cannot be read with its attributes.
         """
+        pair = self.pair
         warnings = write_aligned(
             self.output,
             self.format,
-            np.array(self.transform),
-            read_crs(self._path(self.target), self.environment.read_limits),
-            partial(self._read, self.source),
-            partial(self._read, self.target) if self.is_merged else None,
+            np.array(pair.transform),
+            read_crs(self._path(pair.target), self.environment.read_limits),
+            partial(self._read_pieces, pair.source),
+            partial(self._read_pieces, pair.target) if self.is_merged else None,
+            self._build_surface().measure if self.has_distances else None,
         )
         return Exported([clip(text) for text in dict.fromkeys(warnings)][:MAX_WARNINGS])
 
-    def _read(self, cloud: CloudInput) -> Iterator[DecodedCloud]:
+    def _read_pieces(self, cloud: CloudInput) -> Iterator[DecodedCloud]:
         limits = self.environment.read_limits
         reading = {name: choice for name, choice in cloud.reading.items() if name != _SAMPLES}
         return read_pieces(self._path(cloud), limits, **reading, attributes=True)
-
-    def _path(self, cloud: CloudInput) -> Path:
-        assert cloud.sha256 is not None  # noqa: S101
-        return blob_path(self.environment.data_dir, cloud.sha256)

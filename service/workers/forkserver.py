@@ -11,13 +11,15 @@ import laspy  # noqa: F401
 import pye57  # noqa: F401
 import trimesh  # noqa: F401
 
-from mpe_core import register  # noqa: F401
+from mpe_core import deviation, register  # noqa: F401
 from mpe_core.kernels import cell_filter, decimal_rows  # noqa: F401
+from service.schemas import deviation as deviation_schema  # noqa: F401
 from service.schemas import serialize_result  # noqa: F401
 from service.telemetry.json_logs import configure_logs
 from service.workers import (  # noqa: F401
     child_main,
     export_aligned,
+    export_deviation,
     export_preview,
     fetch_inputs,
     register_clouds,

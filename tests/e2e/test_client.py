@@ -76,7 +76,11 @@ def test_every_kind_of_cloud_gives_the_same_pose(client: Client, folder: Path) -
 
 def test_the_moved_source_is_downloaded(client: Client, folder: Path) -> None:
     job = client.align(POINTS, MOVED, labels={"part": "client"})
-    path = client.download_aligned(job.id, folder / "moved.npy")
+    deviation = client.deviation(job.id, tolerances=[0.01], max_distance=1.0)
+    assert deviation.shares[0].share == 1.0
+    assert (deviation.count, deviation.signed) == (len(POINTS), False)
+    path = client.download_aligned(job.id, folder / "moved.npy", distances=True)
+    assert read_points(path, attributes=True).attributes["distance"].max() < 0.01
     np.testing.assert_allclose(read_points(path).points, MOVED, atol=1e-3)
     assert len(client.inliers(job.id).pairs) == job.require_result().inliers.count
     assert [item.id for item in client.list(label="part:client")] == [job.id]

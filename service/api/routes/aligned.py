@@ -11,14 +11,12 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import check_disk
 from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
 from service.api.download import DownloadResponse
-from service.api.export import FILE, exported_file, require_blobs
+from service.api.export import FILE, exported_file, require_pair
 from service.api.middleware.conditional import NOT_MODIFIED
 from service.jobs.fingerprint import hash_json
 from service.jobs.model import JobRow
-from service.problems import ResultNotReadyError
 from service.runtime import Runtime
 from service.workers.export_aligned import ExportAligned
 from service.workers.exporter import ExportedFile
@@ -38,9 +36,26 @@ Merged = Annotated[
 ]
 
 
-def _tag(job: RequestedJob, format: Format = "ply", merged: Merged = False) -> str:
+Distances = Annotated[
+    bool,
+    Query(
+        description="Add the distance of each point from the target's surface, in the input's "
+        "unit: the scalar field `distance` of CloudCompare, extra bytes of LAS, a field of PCD, a "
+        "column of text. Points outside of the target are positive and those inside negative, "
+        "where its file has normals or the option target_viewpoint is given; else all are positive."
+    ),
+]
+
+
+def _tag(
+    job: RequestedJob,
+    format: Format = "ply",
+    merged: Merged = False,
+    distances: Distances = False,
+) -> str:
     """Return the ETag of the file, before it is written: weak, as LAS files hold the day."""
-    return f'W/"{hash_json([job.work_key, job.result_sha256, format, merged])}"'
+    what = [job.work_key, job.result_sha256, format, merged, distances]
+    return f'W/"{hash_json(what)}"'
 
 
 Tag = Annotated[str, Depends(_tag)]
@@ -54,27 +69,22 @@ async def _export(
     tag: Tag,
     format: Format = "ply",
     merged: Merged = False,
+    distances: Distances = False,
 ) -> AsyncIterator[ExportedFile | None]:
     """Write the file; None where the caller has it already."""
-    export = await run_in_threadpool(_prepare, job, runtime, format, merged)
+    export = await run_in_threadpool(_prepare, job, runtime, format, merged, distances)
     async with exported_file(request, runtime, caller, tag, export) as file:
         yield file
 
 
 def _prepare(
-    job: JobRow, runtime: Runtime, format: str, merged: bool
+    job: JobRow, runtime: Runtime, format: str, merged: bool, distances: bool
 ) -> AbstractContextManager[ExportedFile]:
-    if job.status != "succeeded":
-        raise ResultNotReadyError(
-            f"The registration is {job.status}; only a result can be applied."
-        )
-    result, *_ = require_blobs(runtime, job.result_sha256, job.source.sha256, job.target.sha256)
-    transform = json.loads(result.read_bytes())["transform"]
-    check_disk(runtime)
+    pair, _ = require_pair(job, runtime)
     return runtime.exporter.export(
         job,
         lambda environment: ExportAligned(
-            environment, transform, job.source, job.target, is_merged=merged, format=format
+            environment, pair, is_merged=merged, has_distances=distances, format=format
         ),
     )
 

@@ -26,6 +26,7 @@ from service.problems import (
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers import exporter as module
+from service.workers.aligned_pair import AlignedPair
 from service.workers.child import ChildLostError
 from service.workers.export_aligned import ExportAligned
 from service.workers.exporter import Exporter, ExportError
@@ -75,7 +76,8 @@ def export(made: Exporter, *, merged: bool = False) -> Path:
     job = new_job()
 
     def make_task(environment: TaskEnvironment) -> ExportAligned:
-        return ExportAligned(environment, IDENTITY, job.source, job.target, merged, "ply")
+        pair = AlignedPair(IDENTITY, job.source, job.target, None)
+        return ExportAligned(environment, pair, is_merged=merged, has_distances=False, format="ply")
 
     with made.export(job, make_task) as file:
         assert file.path.parent.exists()
@@ -204,6 +206,7 @@ from service.clouds.inputs import CloudInput
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers.child import prepare_forkserver
+from service.workers.aligned_pair import AlignedPair
 from service.workers.export_aligned import ExportAligned
 from service.workers.exporter import ExportError, Exporter
 from tests.factories.cloud_files import POINTS, ply
@@ -225,12 +228,13 @@ T[:3, 3] = 1, 2, 3
 
 def aligned(job, merged):
     return exporter.export(job, lambda environment: ExportAligned(
-        environment, T.tolist(), job.source, job.target, merged, "pcd"))
+        environment, AlignedPair(T.tolist(), job.source, job.target, None), merged, True, "pcd"))
 
 for merged in (False, True):
     with aligned(job, merged) as file:
         exported = read_points(file.path, attributes=True)
         assert np.allclose(exported.points[: len(POINTS)], POINTS + T[:3, 3], atol=1e-4)
+        assert np.isfinite(exported.attributes["distance"][: len(POINTS)]).all()
         print(len(exported.points) - len(POINTS), "red" in exported.attributes)
 broken = replace(job, source=cloud(b"ply\\nformat ascii 1.0\\nelement vertex 5\\n"))
 try:

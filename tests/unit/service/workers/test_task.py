@@ -12,6 +12,7 @@ import pytest
 from service.clouds.inputs import CloudInput
 from service.outbound import FetchPolicy
 from service.settings import Settings
+from service.workers.aligned_pair import AlignedPair
 from service.workers.export_aligned import ExportAligned
 from service.workers.fetch_inputs import FetchInputs
 from service.workers.register_clouds import RegisterClouds
@@ -25,7 +26,7 @@ ENVIRONMENT = TaskEnvironment.create(
 CLOUD = CloudInput(sha256="ab" * 32, size=1)
 FETCH = FetchInputs(ENVIRONMENT, CLOUD, CLOUD, FetchPolicy.of(SETTINGS))
 REGISTER = RegisterClouds(ENVIRONMENT, CLOUD, CLOUD, {"seed": 1})
-EXPORT = ExportAligned(ENVIRONMENT, [[1.0]], CLOUD, CLOUD, False, "ply")
+EXPORT = ExportAligned(ENVIRONMENT, AlignedPair([[1.0]], CLOUD, CLOUD, None), False, False, "ply")
 
 
 @pytest.mark.parametrize("task", [FETCH, REGISTER, EXPORT], ids=lambda task: type(task).__name__)
