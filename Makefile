@@ -27,7 +27,8 @@ service/api/static/index.html: .venv/.installed tools/build_page.py $(filter-out
 .venv/.installed: requirements-dev.lock pyproject.toml Makefile
 	@tools/install_system_packages $(SYSTEM_LIBRARIES)
 	@test -x $(PY) || python3 -m venv .venv
-	$(PY) -m pip install --quiet --require-hashes -r requirements-dev.lock
+	@# the lock file is complete; without --no-deps old releases of pip take later versions of what has extras
+	$(PY) -m pip install --quiet --no-deps --require-hashes -r requirements-dev.lock
 	$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -49,7 +48,6 @@ def run_command(arguments: Sequence[str]) -> int:
     commands = {
         "align": _align,
         "serve": _serve,
-        "worker": _work,
         "keys": _keys,
         "backup": _copy,
         "restore": _copy,
@@ -79,17 +77,6 @@ def _parser() -> argparse.ArgumentParser:
     serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
-    serve.add_argument(
-        "--no-workers", action="store_true", help="leave the registrations to `mpe worker`"
-    )
-    worker = commands.add_parser(
-        "worker", help="run registrations of the database MPE_DATABASE_URL, and answer probes alone"
-    )
-    worker.add_argument("--host", default="127.0.0.1", help="address of the probes (%(default)s)")
-    worker.add_argument("--port", default=8001, type=int, help="their port (%(default)s)")
-    worker.add_argument(
-        "--concurrency", type=int, metavar="N", help="registrations at once (MPE_WORKERS)"
-    )
     add_keys(commands)
     add_backup(commands)
     commands.add_parser(
@@ -199,26 +186,13 @@ time        {registration.timing["total"]:.2f} s"""
 
 
 def _serve(arguments: argparse.Namespace) -> int:
-    return _run_service(arguments, "api" if arguments.no_workers else "all", None)
-
-
-def _work(arguments: argparse.Namespace) -> int:
-    return _run_service(arguments, "worker", arguments.concurrency)
-
-
-def _run_service(
-    arguments: argparse.Namespace, role: Literal["all", "api", "worker"], workers: int | None
-) -> int:
     from service.auth.bind_check import UnprotectedBindError
     from service.database.store import StoreLostError
     from service.server import serve  # loads the service, which `mpe align` does without
     from service.workers.sandbox.confinement import SandboxError
 
     try:
-        settings = load_settings() if workers is None else load_settings(workers=workers)
-        if role != "all":
-            settings.check_shared()
-        serve(settings, arguments.host, arguments.port, role)
+        serve(load_settings(), arguments.host, arguments.port)
     except (InvalidSettingsError, UnprotectedBindError, SandboxError) as error:
         return _fail(str(error), EXIT_USAGE)
     except (NotReadyError, StoreLostError) as error:

@@ -26,39 +26,19 @@ _SEED = 0
 
 
 def choose_rows(points: NDArray[np.floating], max_points: int) -> NDArray[np.intp]:
-    """Choose at random at most so many rows without NaN or infinity, in their order."""
-    rows = np.flatnonzero(np.isfinite(points).all(axis=1))
-    if len(rows) <= max_points:
-        return rows
-    return np.sort(np.random.default_rng(_SEED).choice(rows, max_points, replace=False))
+    """Choose at most so many rows without NaN or infinity.
 
-
-def find_distances(
-    source: NDArray[np.float64], target: NDArray[np.float64], T: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """Find the distance of each moved point of the source from the nearest of the target.
-
-    Parameters
-    ----------
-    source : (N, 3)
-        Points in the frame of the source.
-    target : (M, 3)
-        Points of the target, all of them.
-    T : (4, 4)
-        Pose of the source in the target's frame.
+    They are in random order, so that the first ones are a thinner preview.
     """
-    from mpe_core.geometry.nearest import NearestNeighbors
-
-    finite = target[np.isfinite(target).all(axis=1)]
-    distances, _ = NearestNeighbors(finite).nearest(source @ T[:3, :3].T + T[:3, 3])
-    return distances.astype(np.float32)
+    rows = np.flatnonzero(np.isfinite(points).all(axis=1))
+    return np.random.default_rng(_SEED).permutation(rows)[:max_points]
 
 
 def write_preview(
     path: Path,
     cloud: DecodedCloud,
     rows: NDArray[np.intp],
-    distances: NDArray[np.float32] | None = None,
+    distances: NDArray[np.floating] | None = None,
 ) -> None:
     """Write these rows of a cloud, with their colours where it has them.
 
@@ -71,7 +51,7 @@ def write_preview(
     rows
         (N,) rows to write.
     distances
-        (N,) distance of each of them from the target.
+        (N,) distance of each of them from the surface of the target.
     """
     points = cloud.points[rows].astype(np.float64)
     origin = points.mean(axis=0) if len(rows) else np.zeros(3)

@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
-import numpy as np
-
-from service.clouds.inputs import CloudInput
-from service.clouds.preview import choose_rows, find_distances, write_preview
-from service.formats import DecodedCloud, read_points
-from service.storage.blobs import blob_path
+from service.clouds.preview import choose_rows, write_preview
+from service.workers.aligned_pair import PairTask
 from service.workers.messages import Exported
 from service.workers.progress import ProgressReport
-from service.workers.task import FileTask
 
 
 @dataclass(frozen=True, slots=True)
-class ExportPreview(FileTask):
-    """Write a thinned cloud to `output`, with distances from a target if one is given."""
+class ExportPreview(PairTask):
+    """Write a thinned cloud to `output`; the source with its distances from the target."""
 
-    cloud: CloudInput
+    role: Literal["source", "target"]
     max_points: int
-    transform: list[list[float]] | None = None
-    """Pose of the cloud in the target's frame, (4, 4); None: without distances."""
-    target: CloudInput | None = None
-    """The cloud that distances are measured from; None: without distances."""
 
     @property
     def output(self) -> Path:
         """The file that is written, in the scratch folder."""
         return self.environment.scratch / "preview.bin"
-
-    @property
-    def readable(self) -> list[Path]:
-        """The clouds."""
-        return [self._path(cloud) for cloud in (self.cloud, self.target) if cloud is not None]
 
     def perform(self, report: ProgressReport) -> Exported:
         """Decode, thin, measure distances, write.
@@ -45,21 +32,11 @@ class ExportPreview(FileTask):
         CloudFileError
             A file is no readable cloud.
         """
-        cloud = self._read(self.cloud, attributes=True)
+        cloud = self._read(self.pair.source if self.role == "source" else self.pair.target)
         rows = choose_rows(cloud.points, self.max_points)
         distances = None
-        if self.target is not None and self.transform is not None:
-            source = cloud.points[rows].astype(np.float64)
-            target = self._read(self.target).points.astype(np.float64)
-            distances = find_distances(source, target, np.array(self.transform))
+        if self.role == "source":
+            thinned = replace(cloud, points=cloud.points[rows])
+            distances = self._measure(thinned, self._build_surface()).distances
         write_preview(self.output, cloud, rows, distances)
         return Exported()
-
-    def _read(self, cloud: CloudInput, *, attributes: bool = False) -> DecodedCloud:
-        limits = self.environment.read_limits
-        reading = {**cloud.reading}
-        return read_points(self._path(cloud), limits, **reading, attributes=attributes)
-
-    def _path(self, cloud: CloudInput) -> Path:
-        assert cloud.sha256 is not None  # noqa: S101
-        return blob_path(self.environment.data_dir, cloud.sha256)

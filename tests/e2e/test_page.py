@@ -109,7 +109,7 @@ def test_what_the_view_can_do(browser: Browser, server: Server, key: str, job: s
             changes(page.locator(control).uncheck)
         changes(page.locator("#show-source").check)
         canvas.click(position=find_source(pixels(canvas)))
-        expect(page.locator(".picked")).to_contain_text("distance when aligned")
+        expect(page.locator(".picked")).to_contain_text("distance from the surface")
 
 
 def test_the_pose_in_other_forms_and_files(

@@ -7,6 +7,7 @@ import numpy as np
 
 from service.clouds.preview import HAS_COLORS, HAS_DISTANCES, HEADER
 from tests.factories.cloud_files import POINTS, ply
+from tests.factories.scanner_files import obj
 from tests.factories.scans import arms, as_npy
 from tests.factories.server import Server, registered
 
@@ -33,6 +34,13 @@ def test_both_clouds_thinned_and_the_source_with_its_distances(server: Server) -
         assert fetch(wrong).status_code == 422
     listed = server.client.get("/v1/registrations?limit=1").json()["items"][0]
     assert listed["confidence"] == job["result"]["confidence"]
+
+
+def test_a_mesh_is_drawn_by_samples_of_its_surface(server: Server) -> None:
+    job = registered(server.client, obj(), obj(), reading='{"source": {"surface_samples": 500}}')
+    answer = server.client.get(f"/v1/registrations/{job['id']}/preview?role=source")
+    assert answer.status_code == 200, answer.text
+    assert HEADER.unpack_from(answer.content)[3] == 500
 
 
 def test_colours_of_the_file(server: Server) -> None:

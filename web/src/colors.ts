@@ -9,7 +9,7 @@ export const SOURCE_COLOR: Rgb = [240, 130, 44];
 export const TARGET_COLOR: Rgb = [66, 139, 226];
 const PALE: Rgb = [150, 156, 165];
 
-/** Anchors of the scale of distances (viridis turned towards red at its end). */
+/** Anchors of the scale of distances (blue to red). */
 const RAMP: readonly Rgb[] = [
   [48, 93, 214],
   [34, 165, 190],
@@ -27,6 +27,16 @@ export function rampColor(share: number): Rgb {
   return [0, 1, 2].map((i) => Math.round(low[i]! + (high[i]! - low[i]!) * part)) as unknown as Rgb;
 }
 
+/** The colour of a distance; signed ones run from minus the range to the range. */
+export function distanceColor(distance: number, range: number, isSigned: boolean): Rgb {
+  return rampColor(isSigned ? (distance / range + 1) / 2 : distance / range);
+}
+
+/** Whether some points lie behind the surface. */
+export function areSigned(distances: Float32Array): boolean {
+  return distances.some((distance) => distance < 0);
+}
+
 /** Colours (3 bytes a point) of a cloud. */
 export function colorPoints(
   preview: Preview,
@@ -40,7 +50,8 @@ export function colorPoints(
     return colors;
   }
   if (mode === "distance" && preview.distances) {
-    for (let i = 0; i < preview.count; i++) colors.set(rampColor(preview.distances[i]! / range), 3 * i);
+    const isSigned = areSigned(preview.distances);
+    preview.distances.forEach((distance, i) => colors.set(distanceColor(distance, range, isSigned), 3 * i));
     return colors;
   }
   const color = mode === "distance" ? PALE : plain;

@@ -1,6 +1,7 @@
 // Files to save, and the lines that do the same from a shell or from Python.
 import { download, getKey, REGISTRATIONS, type Job } from "./api";
 import { copyable, h } from "./dom";
+import { isDefault } from "./options";
 import { showProblem } from "./faces";
 
 export const FORMATS = ["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"];
@@ -10,6 +11,7 @@ export function makeDownloads(job: Job): HTMLElement {
   const status = h("div");
   const format = h("select", { id: "format" }, ...FORMATS.map((name) => h("option", { value: name }, name.toUpperCase())));
   const merged = h("input", { type: "checkbox", id: "merged" });
+  const distances = h("input", { type: "checkbox", id: "distances" });
   const save = (text: string, what: () => [string, string]): HTMLElement => {
     const button = h("button", { type: "button" }, text);
     button.addEventListener("click", async () => {
@@ -35,8 +37,10 @@ export function makeDownloads(job: Job): HTMLElement {
       format,
       merged,
       h("label", { htmlFor: "merged" }, "with the target"),
+      distances,
+      h("label", { htmlFor: "distances" }, "with distances"),
       save("Download", () => [
-        `${path}/aligned?format=${format.value}&merged=${merged.checked}`,
+        `${path}/aligned?format=${format.value}&merged=${merged.checked}&distances=${distances.checked}`,
         `${merged.checked ? "merged" : "aligned"}-${job.id.slice(0, 8)}.${format.value}`,
       ]),
     ),
@@ -44,6 +48,7 @@ export function makeDownloads(job: Job): HTMLElement {
       "div",
       { className: "row" },
       save("Result (JSON)", () => [path, `registration-${job.id.slice(0, 8)}.json`]),
+      save("Statistics of distances (JSON)", () => [`${path}/deviation`, `deviation-${job.id.slice(0, 8)}.json`]),
       save("Inlier pairs (NPY)", () => [`${path}/inliers?format=npy`, `inliers-${job.id.slice(0, 8)}.npy`]),
     ),
     status,
@@ -55,16 +60,17 @@ export function makeDownloads(job: Job): HTMLElement {
 }
 
 function givenOptions(job: Job): [string, unknown][] {
-  return Object.entries(job.options).filter(([, value]) => value !== null);
+  return Object.entries(job.options).filter(([name, value]) => !isDefault(name, value));
 }
 
 function writeCurl(job: Job, path: string): string {
   const { origin } = location;
   const key = getKey() ? ` \\\n    -H "Authorization: Bearer $MPE_CLIENT_KEY"` : "";
-  const options = JSON.stringify(Object.fromEntries(givenOptions(job)));
+  const given = Object.fromEntries(givenOptions(job));
+  const options = Object.keys(given).length ? ` \\\n    -F ${quote(`options=${JSON.stringify(given)}`)}` : "";
   const [source, target] = (["source", "target"] as const).map((role) => writeCloud(job, role));
   return [
-    `curl -sS -H 'Prefer: wait=60'${key} \\\n    -F ${source} -F ${target} \\\n    -F 'options=${options}' \\\n    ${origin}${REGISTRATIONS}`,
+    `curl -sS -H 'Prefer: wait=60'${key} \\\n    -F ${source} -F ${target}${options} \\\n    ${origin}${REGISTRATIONS}`,
     `curl -sS${key.replace(" \\\n   ", "")} "${origin}${path}/aligned?format=ply" -o aligned.ply`,
   ].join("\n");
 }
@@ -81,13 +87,16 @@ function quote(text: string): string {
 }
 
 function writePython(job: Job): string {
-  const name = (role: "source" | "target"): string => JSON.stringify(job.labels[role] ?? `${role}.ply`);
+  const [source, target] = (["source", "target"] as const).map((role) => {
+    const { url, cloud } = job[role];
+    return cloud ? `StoredCloud(${JSON.stringify(cloud)})` : JSON.stringify(url ?? job.labels[role] ?? `${role}.ply`);
+  });
+  const options = givenOptions(job).map(([name, value]) => `${name}=${value === true ? "True" : JSON.stringify(value)}`);
+  const stored = job.source.cloud || job.target.cloud ? ", StoredCloud" : "";
   return [
-    "from mpe_core import register",
-    "from service.formats import read_points",
+    `from mpe_client import align${stored}`,
     "",
-    `source, target = read_points(${name("source")}), read_points(${name("target")})`,
-    "result = register(source.points, target.points)",
-    "print(result.T_target_source, result.confidence)",
+    `job = align(${[source, target, `url=${JSON.stringify(location.origin)}`, ...options].join(", ")})`,
+    "print(job.result.transform, job.result.confidence)",
   ].join("\n");
 }

@@ -11,27 +11,26 @@ const VERTEX = `
 varying vec2 place;
 void main() { place = uv; gl_Position = vec4(position.xy, 0.0, 1.0); }`;
 
+// the reciprocal of the distance from the camera is linear in the depth buffer
 const FRAGMENT = `
 uniform sampler2D image, depths;
 uniform vec2 pixel;
 uniform float near, far, strength;
 uniform vec3 background;
 varying vec2 place;
-float logDepth(vec2 at) {
-  float depth = texture2D(depths, at).r;
-  float ndc = 2.0 * depth - 1.0;
-  return log2(2.0 * near * far / (far + near - ndc * (far - near)));
+float nearer(float here, vec2 way) {
+  float there = far - texture2D(depths, place + pixel * way).r * (far - near);
+  return clamp(there / here - 1.0, 0.0, 0.014);
 }
 void main() {
-  if (texture2D(depths, place).r >= 1.0) { gl_FragColor = vec4(background, 1.0); return; }
-  float here = logDepth(place), sum = 0.0;
-  for (int i = 0; i < 8; i++) {
-    float angle = float(i) * 0.78539816;
-    vec2 at = place + pixel * 1.6 * vec2(cos(angle), sin(angle));
-    sum += min(max(0.0, here - logDepth(at)), 0.02);
-  }
-  vec3 color = texture2D(image, place).rgb;
-  gl_FragColor = vec4(color * exp(-sum * 12.5 * strength), 1.0);
+  float depth = texture2D(depths, place).r;
+  if (depth >= 1.0) { gl_FragColor = vec4(background, 1.0); return; }
+  float here = far - depth * (far - near);
+  float sum = nearer(here, vec2(1.6, 0.0)) + nearer(here, vec2(-1.6, 0.0))
+    + nearer(here, vec2(0.0, 1.6)) + nearer(here, vec2(0.0, -1.6))
+    + nearer(here, vec2(1.1, 1.1)) + nearer(here, vec2(-1.1, 1.1))
+    + nearer(here, vec2(1.1, -1.1)) + nearer(here, vec2(-1.1, -1.1));
+  gl_FragColor = vec4(texture2D(image, place).rgb * exp(-sum * 18.0 * strength), 1.0);
 }`;
 
 /** Draws a scene to the screen with eye-dome lighting. */

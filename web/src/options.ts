@@ -58,6 +58,13 @@ export const GROUPS: readonly Group[] = [
   },
 ];
 
+/** Whether a value of an option is what the service takes without it. */
+export function isDefault(name: string, value: unknown): boolean {
+  const field = GROUPS.flatMap(({ fields }) => fields).find((each) => each.name === name);
+  if (value === null || value === false) return true;
+  return value === field?.choices?.[0] || (field?.kind === "integer" && String(value) === field.hint);
+}
+
 type Input = HTMLInputElement | HTMLSelectElement;
 
 /** Make the fields, and a function that reads what was filled in. */

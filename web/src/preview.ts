@@ -10,7 +10,7 @@ export interface Preview {
   positions: Float32Array;
   /** Red, green, blue and 255 of each point. */
   colors: Uint8Array | null;
-  /** Distance of each moved point from the target. */
+  /** Distance of each moved point from the surface of the target, negative behind it where that is known. */
   distances: Float32Array | null;
 }
 

@@ -1,6 +1,6 @@
 // The controls of the 3-D view.
 import type { Matrix, Result } from "./api";
-import { drawRamp, type ColorMode } from "./colors";
+import { areSigned, drawRamp, type ColorMode } from "./colors";
 import { h } from "./dom";
 import { short } from "./pose";
 import type { Preview } from "./preview";
@@ -61,13 +61,16 @@ function makeColors(
   const range = h("input", { id: "range", type: "number", min: 0, step: "any", value: chooseRange(result) });
   const ramp = h("canvas", { width: 256, height: 12, className: "ramp", "aria-hidden": "true" });
   drawRamp(ramp);
-  const scale = h("div", { className: "bar legend scale", hidden: true }, h("span", {}, "0"), ramp,
+  const isSigned = previews.source.distances !== null && areSigned(previews.source.distances);
+  const low = h("span", {}, "0");
+  const scale = h("div", { className: "bar legend scale", hidden: true }, low, ramp,
     h("label", { htmlFor: "range" }, "to"), range, h("span", {}, `${UNIT} and more`));
   const names = h("div", { className: "bar legend" }, h("span", { className: "dot source" }), "Source", h("span", { className: "dot target" }), "Target");
   const show = (): void => {
     const mode = select.value as ColorMode;
     scale.hidden = mode !== "distance";
     names.hidden = mode !== "cloud";
+    low.textContent = isSigned ? `−${range.value}` : "0";
     viewer.setColors(mode, Number(range.value) > 0 ? Number(range.value) : 1);
   };
   select.addEventListener("change", show);
@@ -108,7 +111,7 @@ function makePicked(viewer: Viewer): HTMLElement {
     h("span", { className: `dot ${pick.cloud}` }),
     h("span", {}, `${pick.cloud}: ${pick.inFile.map(exact).join(", ")}`),
     ...(pick.cloud === "source" ? [h("span", {}, `in the target's frame: ${pick.inTarget.map(exact).join(", ")}`)] : []),
-    ...(pick.distance === null ? [] : [h("span", {}, `distance when aligned: ${short(pick.distance)} ${UNIT}`)]),
+    ...(pick.distance === null ? [] : [h("span", {}, `distance from the surface when aligned: ${short(pick.distance)} ${UNIT}`)]),
   ];
   viewer.onPick = (pick) => place.replaceChildren(...(pick ? show(pick) : [h("p", { className: "help" }, "No point there.")]));
   return place;

@@ -1,16 +1,18 @@
 // The 3-D view of both clouds.
 import {
-  BufferAttribute, BufferGeometry, Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Plane, Points,
-  PointsMaterial, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
+  Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Plane, Scene, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Matrix } from "./api";
 import { addArrows, type Arrows } from "./arrows";
 import { colorPoints, SOURCE_COLOR, TARGET_COLOR, type ColorMode } from "./colors";
 import { EyeDome } from "./eye_dome";
+import { listenToKeys } from "./orbit_keys";
+import { findPoint, listenToClicks } from "./picking";
 import {
   blend, joinExtents, measureExtent, moveExtent, placeAfter, placeBefore, type Extent, type Placement,
 } from "./placement";
+import { makeMarker, makePoints, setColor, type CloudPoints } from "./points";
 import type { Preview } from "./preview";
 
 export type View = "home" | "top" | "front" | "side";
@@ -33,8 +35,12 @@ const DIRECTIONS: Record<View, Vector3Tuple> = {
 };
 const BLEND_MS = 1600;
 const FIELD_OF_VIEW_DEG = 40;
-const PICK_PIXELS = 6;
 const MAX_PIXEL_RATIO = 2;
+/** Waits for a frame that tell whether the graphics card keeps up, in milliseconds. */
+const [FAST_MS, SLOW_MS] = [25, 50];
+/** Least share of the points that is drawn while the view moves. */
+const MIN_QUALITY = 0.1;
+const REST_MS = 250;
 
 ColorManagement.enabled = false;
 
@@ -48,9 +54,9 @@ export class Viewer {
   private readonly camera = new PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 0.1, 100);
   private readonly controls: OrbitControls;
   private readonly light: EyeDome;
-  private readonly source: Points<BufferGeometry, PointsMaterial>;
-  private readonly target: Points<BufferGeometry, PointsMaterial>;
-  private readonly marker: Points<BufferGeometry, PointsMaterial>;
+  private readonly source: CloudPoints;
+  private readonly target: CloudPoints;
+  private readonly marker: CloudPoints;
   private readonly before: Placement;
   private readonly extents: { source: Extent; target: Extent };
   private readonly observer: ResizeObserver;
@@ -61,6 +67,8 @@ export class Viewer {
   private animation = 0;
   private frames = 0;
   private isDue = false;
+  private quality = 1;
+  private rest = 0;
   private isTurned = false;
 
   constructor(
@@ -94,8 +102,8 @@ export class Viewer {
       "aria-label",
       "Both clouds in 3-D. Drag or arrow keys turn, plus and minus zoom, Home resets the view.",
     );
-    canvas.addEventListener("keydown", (event) => this.onKey(event));
-    this.listenToClicks(canvas);
+    listenToKeys(canvas, this.camera, this.controls, () => (this.isTurned = true), () => this.reset());
+    listenToClicks(canvas, (event) => this.pick(event));
     place.append(canvas);
     this.setColors("cloud", 1);
     this.setShare(0);
@@ -170,7 +178,7 @@ export class Viewer {
   setInliers(threshold: number | null): void {
     const { distances } = this.previews.source;
     const kept: number[] = [];
-    distances?.forEach((distance, i) => distance <= (threshold ?? Infinity) && kept.push(i));
+    distances?.forEach((distance, i) => Math.abs(distance) <= (threshold ?? Infinity) && kept.push(i));
     this.source.geometry.setIndex(threshold === null || !distances ? null : kept);
     this.draw();
   }
@@ -220,17 +228,28 @@ export class Viewer {
     this.draw();
   }
 
-  /** Draw soon; more calls until then are one. */
+  /** Draw soon; more calls until then are one. Where frames come late fewer points are drawn, and all at rest. */
   draw(): void {
     if (this.isDue) return;
     this.isDue = true;
+    const asked = performance.now();
     requestAnimationFrame(() => {
       this.isDue = false;
-      this.drawNow();
+      const waited = performance.now() - asked;
+      if (waited > SLOW_MS) this.quality = Math.max(MIN_QUALITY, this.quality * 0.7);
+      if (waited < FAST_MS) this.quality = Math.min(1, this.quality * 1.2);
+      this.drawNow(this.quality);
+      clearTimeout(this.rest);
+      if (this.quality < 1) this.rest = window.setTimeout(() => this.drawNow(1), REST_MS);
     });
   }
 
-  drawNow(): void {
+  private drawNow(quality: number): void {
+    for (const points of [this.source, this.target]) {
+      const { index, attributes } = points.geometry;
+      const count = index?.count ?? attributes.position!.count;
+      points.geometry.setDrawRange(0, Math.ceil(count * quality));
+    }
     const { radius, centre } = this.fitted();
     const distance = this.camera.position.distanceTo(centre);
     this.camera.far = distance + 4 * radius;
@@ -244,6 +263,7 @@ export class Viewer {
 
   dispose(): void {
     cancelAnimationFrame(this.animation);
+    clearTimeout(this.rest);
     this.observer.disconnect();
     this.controls.dispose();
     this.light.dispose();
@@ -268,63 +288,14 @@ export class Viewer {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     if (!this.isTurned) this.look(null);
-    this.drawNow();
-  }
-
-  private onKey(event: KeyboardEvent): void {
-    const turns: Record<string, [number, number, number]> = {
-      ArrowLeft: [-0.15, 0, 1], ArrowRight: [0.15, 0, 1], ArrowUp: [0, -0.12, 1], ArrowDown: [0, 0.12, 1],
-      "+": [0, 0, 0.85], "=": [0, 0, 0.85], "-": [0, 0, 1.18],
-    };
-    if (event.key === "Home") this.reset();
-    const turn = turns[event.key];
-    if (turn) this.turn(...turn);
-    if (turn || event.key === "Home") event.preventDefault();
-  }
-
-  private turn(azimuth: number, polar: number, zoom: number): void {
-    this.isTurned = true;
-    const offset = this.camera.position.clone().sub(this.controls.target);
-    const flat = Math.hypot(offset.x, offset.y);
-    const length = offset.length() * zoom;
-    const phi = Math.atan2(offset.y, offset.x) + azimuth;
-    const theta = Math.max(1e-3, Math.min(Math.PI - 1e-3, Math.atan2(flat, offset.z) + polar));
-    offset.set(Math.sin(theta) * Math.cos(phi), Math.sin(theta) * Math.sin(phi), Math.cos(theta));
-    this.camera.position.copy(this.controls.target).addScaledVector(offset, length);
-    this.controls.update();
-  }
-
-  private listenToClicks(canvas: HTMLCanvasElement): void {
-    let down = { x: 0, y: 0 };
-    canvas.addEventListener("pointerdown", (event) => (down = { x: event.clientX, y: event.clientY }));
-    canvas.addEventListener("pointerup", (event) => {
-      if (Math.hypot(event.clientX - down.x, event.clientY - down.y) < 4) this.pick(event);
-    });
+    this.drawNow(1);
   }
 
   private pick(event: PointerEvent): void {
-    const box = this.renderer.domElement.getBoundingClientRect();
-    const at = new Vector2(
-      ((event.clientX - box.left) / box.width) * 2 - 1,
-      1 - ((event.clientY - box.top) / box.height) * 2,
-    );
-    const caster = new Raycaster();
-    caster.setFromCamera(at, this.camera);
-    const distance = this.camera.position.distanceTo(this.controls.target);
-    const height = 2 * distance * Math.tan((FIELD_OF_VIEW_DEG / 2) * (Math.PI / 180));
-    caster.params.Points.threshold = (PICK_PIXELS * height) / box.height;
     const shown = [this.source, this.target].filter((points) => points.visible);
-    const hits = caster
-      .intersectObjects(shown)
-      .filter(({ point }) => this.planes.every((plane) => plane.distanceToPoint(point) >= 0));
-    const hit = hits[0];
-    this.marker.visible = hit !== undefined;
-    if (!hit || hit.index === undefined) {
-      this.onPick(null);
-      return this.draw();
-    }
-    const role = hit.object === this.source ? "source" : "target";
-    this.onPick(this.describe(role, hit.index));
+    const hit = findPoint(event, this.camera, this.controls.target, shown, this.planes);
+    this.marker.visible = hit !== null;
+    this.onPick(hit && this.describe(hit.points === this.source ? "source" : "target", hit.index));
     this.draw();
   }
 
@@ -339,27 +310,4 @@ export class Viewer {
     const distance = role === "source" ? (preview.distances?.[index] ?? null) : null;
     return { cloud: role, inFile, inTarget, distance };
   }
-}
-
-function makePoints(preview: Preview, planes: Plane[]): Points<BufferGeometry, PointsMaterial> {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(preview.positions, 3));
-  const material = new PointsMaterial({ size: 2, sizeAttenuation: false, vertexColors: true, clippingPlanes: planes });
-  const points = new Points(geometry, material);
-  points.frustumCulled = false;
-  return points;
-}
-
-function makeMarker(): Points<BufferGeometry, PointsMaterial> {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array(3), 3));
-  const material = new PointsMaterial({ size: 12, sizeAttenuation: false, color: 0xff2d8d, depthTest: false });
-  const marker = new Points(geometry, material);
-  marker.visible = false;
-  marker.frustumCulled = false;
-  return marker;
-}
-
-function setColor(points: Points<BufferGeometry, PointsMaterial>, colors: Uint8Array): void {
-  points.geometry.setAttribute("color", new BufferAttribute(colors, 3, true));
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import AsyncIterator
 from contextlib import AbstractContextManager
 from typing import Annotated, Literal
@@ -11,14 +10,12 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.api.admission import check_disk
 from service.api.dependencies import CurrentCaller, CurrentRuntime, RequestedJob
 from service.api.download import DownloadResponse
-from service.api.export import FILE, exported_file, require_blobs
+from service.api.export import FILE, exported_file, require_pair
 from service.api.middleware.conditional import NOT_MODIFIED
 from service.jobs.fingerprint import hash_json
 from service.jobs.model import JobRow
-from service.problems import ResultNotReadyError
 from service.runtime import Runtime
 from service.workers.export_preview import ExportPreview
 from service.workers.exporter import ExportedFile
@@ -33,12 +30,13 @@ MaxPoints = Annotated[
     Query(ge=1, le=MAX_PREVIEW_POINTS, description="Most points; a larger cloud is thinned."),
 ]
 LAYOUT = (
-    "The points in the frame of their file, little-endian: the bytes `MPEV`, uint32 version (1), "
-    "uint32 flags (1: colours, 2: distances), uint32 number n of points, uint64 number of points "
-    "of the cloud, three float64 origin (48 bytes so far); then n x 3 float32 positions relative "
-    "to the origin, n x 4 uint8 colours (red, green, blue, 255) where the file has them, and, for "
-    "the source of a result, n float32 distances of the moved points from the nearest point of "
-    "the whole target, in the input's unit."
+    "The points in the frame of their file, in random order, little-endian: the bytes `MPEV`, "
+    "uint32 version (1), uint32 flags (1: colours, 2: distances), uint32 number n of points, "
+    "uint64 number of points of the cloud, three float64 origin (48 bytes so far); then n x 3 "
+    "float32 positions relative to the origin, n x 4 uint8 colours (red, green, blue, 255) where "
+    "the file has them, and, for the source, n float32 distances of the moved points from the "
+    "surface of the whole target, in the input's unit: negative behind it where its normals or its "
+    "viewpoint tell the sides. Of a mesh these are samples of its surface."
 )
 
 
@@ -66,24 +64,11 @@ async def _export(
 
 
 def _prepare(
-    job: JobRow, runtime: Runtime, role: Literal["source", "target"], max_points: int
+    job: JobRow, runtime: Runtime, role: Role, max_points: int
 ) -> AbstractContextManager[ExportedFile]:
-    if job.status != "succeeded":
-        raise ResultNotReadyError(
-            f"The registration is {job.status}; only the clouds of a result can be shown."
-        )
-    result, *_ = require_blobs(runtime, job.result_sha256, job.source.sha256, job.target.sha256)
-    check_disk(runtime)
-    if role == "target":
-        return runtime.exporter.export(
-            job, lambda environment: ExportPreview(environment, job.target, max_points)
-        )
-    transform = json.loads(result.read_bytes())["transform"]
+    pair, _ = require_pair(job, runtime)
     return runtime.exporter.export(
-        job,
-        lambda environment: ExportPreview(
-            environment, job.source, max_points, transform, job.target
-        ),
+        job, lambda environment: ExportPreview(environment, pair, role, max_points)
     )
 
 

@@ -13,7 +13,6 @@ from service.clouds.preview import (
     HAS_DISTANCES,
     HEADER,
     choose_rows,
-    find_distances,
     write_preview,
 )
 from service.formats import DecodedCloud
@@ -39,7 +38,7 @@ def test_points_are_chosen_from_all_and_are_always_the_same(max_points: int) -> 
     rows = choose_rows(points, max_points)
     assert len(rows) == min(max_points, np.isfinite(points[:, 0]).sum())
     assert np.isfinite(points[rows]).all()
-    assert (np.diff(rows) > 0).all()
+    assert len(np.unique(rows)) == len(rows)
     np.testing.assert_array_equal(rows, choose_rows(points, max_points))
 
 
@@ -68,14 +67,3 @@ def test_a_cloud_without_finite_points_is_empty(tmp_path: Path) -> None:
     cloud = DecodedCloud(np.full((3, 3), np.nan), "xyz")
     write_preview(path, cloud, choose_rows(cloud.points, 10))
     assert read(path)[:2] == (0, 3)
-
-
-def test_distances_are_those_of_the_moved_points() -> None:
-    T = np.array([[0, -1, 0, 1.0], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
-    source = np.random.default_rng(1).normal(size=(200, 3))
-    target = source @ T[:3, :3].T + T[:3, 3]
-    assert find_distances(source, target, T).max() < 1e-6
-    target[:, 2] += 1e-3
-    np.testing.assert_allclose(find_distances(source, target, T), 1e-3, atol=1e-6)
-    target[0] = np.nan
-    assert np.isfinite(find_distances(source, target, T)).all()
