@@ -131,6 +131,22 @@ class AsyncClient:
         work = self._core.download_aligned(job_id, path, merged=merged, distances=distances)
         return await work
 
+    async def download_report(
+        self,
+        job_id: str,
+        path: PathText,
+        *,
+        unit: str | None = None,
+        tolerances: Sequence[float] = (),
+    ) -> Path:
+        """Write the report, one HTML page; `unit` names the unit of the files."""
+        work = self._core.download_report(job_id, path, unit=unit, tolerances=tolerances)
+        return await work
+
+    async def download_picture(self, job_id: str, path: PathText) -> Path:
+        """Write a picture (PNG) of both clouds, before and after."""
+        return await self._core.download_picture(job_id, path)
+
     async def upload(self, cloud: CloudSource, *, format: str | None = None) -> Cloud:
         """Store a cloud, in pieces that are sent again where the line breaks."""
         return await self._core.upload(cloud, format)

@@ -172,6 +172,22 @@ class Client:
         work = self._core.download_aligned(job_id, path, merged=merged, distances=distances)
         return run_blocking(work)
 
+    def download_report(
+        self,
+        job_id: str,
+        path: PathText,
+        *,
+        unit: str | None = None,
+        tolerances: Sequence[float] = (),
+    ) -> Path:
+        """Write the report, one HTML page; `unit` names the unit of the files."""
+        work = self._core.download_report(job_id, path, unit=unit, tolerances=tolerances)
+        return run_blocking(work)
+
+    def download_picture(self, job_id: str, path: PathText) -> Path:
+        """Write a picture (PNG) of both clouds, before and after."""
+        return run_blocking(self._core.download_picture(job_id, path))
+
     def upload(self, cloud: CloudSource, *, format: str | None = None) -> Cloud:
         """Store a cloud, in pieces that are sent again where the line breaks."""
         return run_blocking(self._core.upload(cloud, format))

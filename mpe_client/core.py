@@ -130,6 +130,17 @@ class Core:
         params = {"format": format, "merged": merged, "distances": distances}
         return await self._download(job_id, "aligned", path, params)
 
+    async def download_report(
+        self, job_id: str, path: PathText, *, unit: str | None, tolerances: Sequence[float]
+    ) -> Path:
+        """Write the report."""
+        params = {"tolerance": list(tolerances)} | ({} if unit is None else {"unit": unit})
+        return await self._download(job_id, "report", path, params)
+
+    async def download_picture(self, job_id: str, path: PathText) -> Path:
+        """Write the picture before and after."""
+        return await self._download(job_id, "preview.png", path, {})
+
     async def upload(self, cloud: CloudSource, format: str | None) -> Cloud:
         """Store a cloud."""
         with ExitStack() as stack:

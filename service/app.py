@@ -28,6 +28,7 @@ from service.api.routes import (
     page,
     previews,
     registrations,
+    reports,
     uploads,
 )
 from service.runtime import open_runtime
@@ -38,10 +39,11 @@ ROUTE_MODULES = (
     registrations,
     inliers,
     aligned,
+    deviation,
     previews,
+    reports,
     events,
     deliveries,
-    deviation,
     clouds,
     uploads,
     formats,

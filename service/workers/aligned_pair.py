@@ -47,8 +47,10 @@ class PairTask(FileTask):
         limits = self.environment.read_limits
         return read_surface(self._path(cloud), limits, **cloud.reading, attributes=True)
 
-    def _build_surface(self) -> TargetSurface:
-        return build_surface(self._read(self.pair.target), self.pair.target_viewpoint)
+    def _build_surface(self, target: DecodedCloud | None = None) -> TargetSurface:
+        """Return the surface of the target, which is read unless it is given."""
+        cloud = self._read(self.pair.target) if target is None else target
+        return build_surface(cloud, self.pair.target_viewpoint)
 
     def _measure(self, source: DecodedCloud, surface: TargetSurface) -> Deviation:
         """Measure the distances of all points of the source."""

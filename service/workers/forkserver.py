@@ -21,6 +21,7 @@ from service.workers import (  # noqa: F401
     export_aligned,
     export_deviation,
     export_preview,
+    export_report,
     fetch_inputs,
     register_clouds,
 )

@@ -1,0 +1,1 @@
+"""Report of a registration: verdict, pictures, pose in all forms, as one page."""
