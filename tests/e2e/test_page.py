@@ -88,7 +88,7 @@ def find_source(picture: NDArray[np.uint8]) -> Position:
 
 
 def test_what_the_view_can_do(browser: Browser, server: Server, key: str, job: str) -> None:
-    with opened(browser, server, f"/#/registrations/{job}", key=key) as page:
+    with opened(browser, server, f"/#/registrations/{job}", key=key, width=700) as page:
         canvas = wait_for_view(page)
         seen = pixels(canvas)
 

@@ -7,6 +7,8 @@ type Rgb = readonly [number, number, number];
 
 export const SOURCE_COLOR: Rgb = [240, 130, 44];
 export const TARGET_COLOR: Rgb = [66, 139, 226];
+/** Share of the inliers that the scale of distances spans. */
+const SHOWN_SHARE = 0.98;
 const PALE: Rgb = [150, 156, 165];
 
 /** Anchors of the scale of distances (blue to red). */
@@ -35,6 +37,13 @@ export function distanceColor(distance: number, range: number, isSigned: boolean
 /** Whether some points lie behind the surface. */
 export function areSigned(distances: Float32Array): boolean {
   return distances.some((distance) => distance < 0);
+}
+
+/** The distance up to which nearly all points that have a counterpart lie; two digits. */
+export function chooseRange(distances: Float32Array, threshold: number): number {
+  const near = distances.map(Math.abs).filter((distance) => distance <= threshold).sort();
+  const most = near[Math.floor(SHOWN_SHARE * (near.length - 1))] || threshold || 1;
+  return Number(most.toPrecision(2));
 }
 
 /** Colours (3 bytes a point) of a cloud. */

@@ -35,10 +35,8 @@ export function makeDownloads(job: Job): HTMLElement {
       { className: "row" },
       h("label", { htmlFor: "format" }, "Aligned source as"),
       format,
-      merged,
-      h("label", { htmlFor: "merged" }, "with the target"),
-      distances,
-      h("label", { htmlFor: "distances" }, "with distances"),
+      h("span", { className: "group" }, merged, h("label", { htmlFor: "merged" }, "with the target")),
+      h("span", { className: "group" }, distances, h("label", { htmlFor: "distances" }, "with distances")),
       save("Download", () => [
         `${path}/aligned?format=${format.value}&merged=${merged.checked}&distances=${distances.checked}`,
         `${merged.checked ? "merged" : "aligned"}-${job.id.slice(0, 8)}.${format.value}`,

@@ -70,7 +70,8 @@ export class EyeDome {
     this.material.uniforms.pixel!.value.set(1 / width, 1 / height);
   }
 
-  render(scene: Scene, camera: PerspectiveCamera, background: Color): void {
+  /** Draw the scene, and marks over it. */
+  render(scene: Scene, marks: Scene, camera: PerspectiveCamera, background: Color): void {
     const { uniforms } = this.material;
     uniforms.near!.value = camera.near;
     uniforms.far!.value = camera.far;
@@ -81,6 +82,8 @@ export class EyeDome {
     this.renderer.render(scene, camera);
     this.renderer.setRenderTarget(null);
     this.renderer.render(this.scene, this.camera);
+    this.renderer.clearDepth();
+    this.renderer.render(marks, camera);
   }
 
   dispose(): void {

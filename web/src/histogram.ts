@@ -1,11 +1,12 @@
 // Histogram of the distances of the moved source points from the target.
 import { h, svg } from "./dom";
-import { areSigned, distanceColor } from "./colors";
+import { areSigned, chooseRange, distanceColor } from "./colors";
 import { short } from "./pose";
+import { percent } from "./verdict";
 
 const BINS = 40;
-const SHOWN_SHARE = 0.98;
-const RANGE_IN_THRESHOLDS = 2;
+/** The picture goes so much farther than the colours. */
+const MARGIN = 1.5;
 const [WIDTH, HEIGHT] = [320, 110];
 
 /** Make the heading, the picture and its statistics. */
@@ -13,7 +14,7 @@ export function makeHistogram(distances: Float32Array, threshold: number, unit: 
   const isSigned = areSigned(distances);
   const sorted = distances.map(Math.abs).sort();
   const at = (share: number): number => sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))] ?? 0;
-  const end = Math.max(at(SHOWN_SHARE), threshold) || 1;
+  const end = MARGIN * chooseRange(distances, threshold);
   const counts = new Array<number>(BINS).fill(0);
   const start = isSigned ? -end : 0;
   for (const distance of distances) {
@@ -25,19 +26,15 @@ export function makeHistogram(distances: Float32Array, threshold: number, unit: 
   const bars = counts.map((count, i) => {
     const height = (count / top) * HEIGHT;
     const middle = start + ((i + 0.5) / BINS) * (end - start);
-    const [red, green, blue] = distanceColor(middle, RANGE_IN_THRESHOLDS * threshold || end, isSigned);
+    const [red, green, blue] = distanceColor(middle, end / MARGIN, isSigned);
     return svg("rect", { x: i * width, y: HEIGHT - height, width: width - 1, height, fill: `rgb(${red},${green},${blue})` });
   });
-  const lines = (isSigned ? [-threshold, threshold] : [threshold]).map((value) => {
-    const place = ((value - start) / (end - start)) * WIDTH;
-    return svg("line", { x1: place, x2: place, y1: 0, y2: HEIGHT, class: "threshold" });
-  });
+  const beyond = percent(distances.filter((distance) => Math.abs(distance) > end).length / (distances.length || 1));
   const statistics = `median ${short(at(0.5))}, 95 % within ${short(at(0.95))} ${unit}`;
   const picture = svg(
     "svg",
     { viewBox: `0 -4 ${WIDTH} ${HEIGHT + 24}`, role: "img", "aria-label": `Histogram of distances: ${statistics}`, class: "histogram" },
     ...bars,
-    ...lines,
     svg("text", { x: 0, y: HEIGHT + 15 }, short(start)),
     svg("text", { x: WIDTH, y: HEIGHT + 15, "text-anchor": "end" }, `${short(end)} ${unit}`),
   );
@@ -45,6 +42,6 @@ export function makeHistogram(distances: Float32Array, threshold: number, unit: 
     h("h2", {}, "Distances"),
     picture,
     h("p", {}, `Of the moved source from the surface of the target${isSigned ? ", negative behind it" : ""}: ${statistics}.`),
-    h("p", { className: "help" }, `${isSigned ? "The lines mark" : "The line marks"} the inlier threshold, ${short(threshold)} ${unit}. ${Math.round(100 * (1 - SHOWN_SHARE))} % lie beyond at most.`),
+    h("p", { className: "help" }, `${beyond} lie farther away than shown. Inliers lie within ${short(threshold)} ${unit} of a target point.`),
   ];
 }

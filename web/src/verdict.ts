@@ -56,7 +56,6 @@ function judgePose(result: Result, unit: string): Verdict["reasons"] {
         ? `The pose is sure to ${short(Math.max(...sigma.rotationDeg))}° and ${short(Math.max(...sigma.translation))} ${unit} (standard deviations).`
         : "The surfaces leave the pose open: other poses fit as well.",
     },
-    ...(result.converged ? [] : [{ isGood: false, text: "The refinement stopped before it settled; allow more iterations." }]),
   ];
 }
 

@@ -1,13 +1,12 @@
 // The controls of the 3-D view.
 import type { Matrix, Result } from "./api";
-import { areSigned, drawRamp, type ColorMode } from "./colors";
+import { areSigned, chooseRange, drawRamp, type ColorMode } from "./colors";
 import { h } from "./dom";
 import { short } from "./pose";
 import type { Preview } from "./preview";
 import type { Pick, View, Viewer } from "./viewer";
 
 const UNIT = "units";
-const RANGE_IN_THRESHOLDS = 2;
 const VIEWS: readonly [View, string][] = [["home", "Reset"], ["top", "Top"], ["front", "Front"], ["side", "Side"]];
 
 type Previews = { source: Preview; target: Preview };
@@ -58,7 +57,8 @@ function makeColors(
     ["own", "own colours", own !== null],
   ];
   for (const [value, name, has] of options) if (has) select.append(h("option", { value }, name));
-  const range = h("input", { id: "range", type: "number", min: 0, step: "any", value: chooseRange(result) });
+  const start = previews.source.distances ? chooseRange(previews.source.distances, result.inliers.threshold) : 1;
+  const range = h("input", { id: "range", type: "number", min: 0, step: "any", value: start });
   const ramp = h("canvas", { width: 256, height: 12, className: "ramp", "aria-hidden": "true" });
   drawRamp(ramp);
   const isSigned = previews.source.distances !== null && areSigned(previews.source.distances);
@@ -86,10 +86,6 @@ function makeColors(
     legend: h("div", {}, names, scale),
     setHasDistances,
   };
-}
-
-function chooseRange(result: Result): number {
-  return Number((RANGE_IN_THRESHOLDS * (result.inliers.threshold || result.rmse || 1)).toPrecision(2));
 }
 
 function makeAlternatives(viewer: Viewer, result: Result, setHasDistances: (has: boolean) => void): HTMLElement | null {

@@ -51,6 +51,8 @@ export class Viewer {
   share = 0;
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
+  /** Drawn over the points: arrows, and the point that was clicked on. */
+  private readonly marks = new Scene();
   private readonly camera = new PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 0.1, 100);
   private readonly controls: OrbitControls;
   private readonly light: EyeDome;
@@ -90,7 +92,8 @@ export class Viewer {
     this.target = makePoints(previews.target, this.planes);
     this.source = makePoints(previews.source, this.planes);
     this.marker = makeMarker();
-    this.scene.add(this.target, this.source, this.marker);
+    this.scene.add(this.target, this.source);
+    this.marks.add(this.marker);
     this.camera.up.set(0, 0, 1);
     const canvas = this.renderer.domElement;
     this.controls = new OrbitControls(this.camera, canvas);
@@ -203,7 +206,7 @@ export class Viewer {
   /** Draw motions that the surfaces leave free as arrows at the moved source. */
   showFreeDirections(directions: readonly number[][]): void {
     if (directions.length === 0) return;
-    this.arrows = addArrows(this.scene, directions, moveExtent(this.extents.source, this.after));
+    this.arrows = addArrows(this.marks, directions, moveExtent(this.extents.source, this.after));
     this.arrows.visible = this.share === 1;
     this.draw();
   }
@@ -256,7 +259,7 @@ export class Viewer {
     this.camera.near = Math.max(this.camera.far * 1e-4, distance - 4 * radius);
     this.camera.updateProjectionMatrix();
     this.background.setStyle(getComputedStyle(this.place).backgroundColor);
-    this.light.render(this.scene, this.camera, this.background);
+    this.light.render(this.scene, this.marks, this.camera, this.background);
     this.place.dataset.share = String(this.share);
     this.place.dataset.frames = String(++this.frames);
   }
