@@ -73,7 +73,7 @@ def test_files_beyond_the_memory_are_thinned(tmp_path: Path) -> None:
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in (0, 3), done.stderr
     assert "of 4000000 points" in done.stderr
     np.testing.assert_allclose(json.loads(done.stdout)["transform"], T_TARGET_SOURCE, atol=5e-3)
 
