@@ -31,7 +31,7 @@ from service.api.routes import (
     reports,
     uploads,
 )
-from service.runtime import open_runtime
+from service.runtime import Role, open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
 
@@ -53,19 +53,21 @@ ROUTE_MODULES = (
 """Modules with a `router`, in the order of the OpenAPI description."""
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+def create_app(settings: Settings | None = None, role: Role = "all") -> FastAPI:
     """Create the application; its lifespan opens and closes the runtime.
 
     Parameters
     ----------
     settings : Settings, optional
         Default: from the environment.
+    role
+        What the service does; a worker answers probes and measurements alone.
     """
     settings, metrics = settings or Settings(), Metrics()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        with open_runtime(settings, metrics) as app.state.runtime:
+        with open_runtime(settings, metrics, role) as app.state.runtime:
             yield
 
     app = FastAPI(
@@ -84,7 +86,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(RequestLogMiddleware, metrics=metrics)
     register_error_handlers(app, metrics)
-    for module in ROUTE_MODULES:
+    for module in (health,) if role == "worker" else ROUTE_MODULES:
         app.include_router(module.router)
     add_description(app)
     return app

@@ -6,9 +6,10 @@ import fcntl
 import logging
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal, Protocol
 
 from service.auth.authenticator import Authenticator
 from service.auth.keys import KeyStore
@@ -19,13 +20,16 @@ from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database
 from service.database.store import open_store
+from service.jobs.announcements import Announcement
 from service.jobs.idempotency import Idempotency, InFlightKeys
 from service.jobs.model import JobRow, Retention
 from service.jobs.notifier import JobNotifier
 from service.jobs.queries import JobQueries
 from service.jobs.retention import drop_expired, find_cloud_blobs, find_needed_blobs
 from service.jobs.transitions import JobTransitions
+from service.jobs.worker_slots import ANNOUNCE_INTERVAL_S, WorkerSlots
 from service.outbound import http_cache
+from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.storage.decoded_cache import DecodedCache
@@ -69,6 +73,7 @@ class Runtime:
     authenticator: Authenticator
     storage_quota: StorageQuota
     disk: DiskSpace
+    slots: WorkerSlots
     rate_limiter: RateLimiter = field(default_factory=RateLimiter)
     in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
     export_gate: ExportGate = field(default_factory=ExportGate)
@@ -93,14 +98,39 @@ class Runtime:
             self.workers.kill(job_id)
         return is_cancelled
 
+    def hear(self, message: str) -> None:
+        """React to a change of a job by another process on the database, or by this one."""
+        announced = Announcement.decode(message)
+        if announced is None:
+            return
+        if announced.change == "queued":
+            self.workers.notify(announced.queue)
+        if announced.change == "ended":
+            self.workers.kill(announced.job_id)
+        self.notifier.wake(announced.job_id, has_ended=announced.change == "ended")
+
+    def look_again(self) -> None:
+        """Look at everything that is waited for, because changes may not have been heard."""
+        self.workers.notify_all()
+        self.notifier.wake_all()
+
     def drain(self, grace_s: float) -> None:
         """Begin no more jobs, requeue those that run after the grace, and wake all who wait."""
         self.workers.stop(grace_s)
         self.notifier.wake_all()
 
 
+class _Part(Protocol):
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+
+
+Role = Literal["all", "api", "worker"]
+"""What a service does: everything, all but to run registrations, or only that."""
+
+
 @contextmanager
-def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
+def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> Iterator[Runtime]:
     """Run a service: hold its data directory, open its parts, start its threads.
 
     Raises
@@ -145,7 +175,7 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             jobs=jobs,
             transitions=transitions,
             notifier=notifier,
-            workers=WorkerPool(transitions, blobs, settings),
+            workers=WorkerPool(transitions, blobs, settings, runs_jobs=role != "api"),
             exporter=Exporter(settings, blobs),
             clouds=clouds,
             uploads=uploads,
@@ -154,18 +184,30 @@ def open_runtime(settings: Settings, metrics: Metrics) -> Iterator[Runtime]:
             authenticator=Authenticator(keys, settings),
             storage_quota=StorageQuota(database),
             disk=disk,
+            slots=WorkerSlots(database, 0 if role == "api" else settings.workers),
         )
         stack.callback(stop_forkserver)
-        for part in (
+        runtime.slots.begin()
+        stack.callback(_withdraw, runtime)
+        parts: list[_Part] = [
             runtime.workers,
             Maintenance([transitions.fail_overdue], DEADLINE_INTERVAL_S),
             Maintenance(_maintenance_tasks(runtime), settings.maintenance_interval_s),
-            WebhookSender(jobs, runtime.outbox, settings),
-        ):
+            Maintenance([runtime.slots.announce], ANNOUNCE_INTERVAL_S),
+        ]
+        if role != "worker":
+            parts.append(WebhookSender(jobs, runtime.outbox, settings))
+        for part in parts:
             part.start()
             stack.callback(part.stop)
+        stack.enter_context(closing(database.listen(runtime.hear, runtime.look_again)))
         stack.callback(runtime.exporter.stop)
         yield runtime
+
+
+def _withdraw(runtime: Runtime) -> None:
+    with suppress(NotReadyError):  # then it ends by itself
+        runtime.slots.withdraw()
 
 
 def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:

@@ -19,7 +19,7 @@ from service.connections.guard import ConnectionGuard
 from service.connections.listener import Listener, bind
 from service.connections.protocol import GuardedConfig, GuardedProtocol, Timeouts
 from service.database.store import check_store
-from service.runtime import Runtime
+from service.runtime import Role, Runtime
 from service.settings import Settings, load_settings, log_renamed_variables
 from service.telemetry.json_logs import configure_logs
 from service.workers.sandbox.confinement import check_sandbox
@@ -78,7 +78,9 @@ class DrainingServer(uvicorn.Server):
         super().handle_exit(sig, frame)
 
 
-def serve(settings: Settings, host: str = "127.0.0.1", port: int = 8000) -> None:
+def serve(
+    settings: Settings, host: str = "127.0.0.1", port: int = 8000, role: Role = "all"
+) -> None:
     """Serve until SIGTERM or SIGINT.
 
     Raises
@@ -97,7 +99,7 @@ def serve(settings: Settings, host: str = "127.0.0.1", port: int = 8000) -> None
     forbid_inspection()
     check_sandbox(is_required=settings.require_sandbox)
     sys.setswitchinterval(GIL_SWITCH_INTERVAL_S)
-    app = create_app(settings)
+    app = create_app(settings, role)
     # keep the imported objects out of full collections, which would stop the event loop for 60 ms
     gc.collect()
     gc.freeze()

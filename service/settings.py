@@ -389,6 +389,19 @@ class Settings(BaseSettings):
             return f"sqlite:///{self.sqlite_path}"
         return self.database_url.get_secret_value()
 
+    def check_shared(self) -> None:
+        """Check that other services can reach the registrations.
+
+        Raises
+        ------
+        InvalidSettingsError
+            They are in the data directory.
+        """
+        if self.database_url is None:
+            raise InvalidSettingsError(
+                "services that share registrations need a database: set MPE_DATABASE_URL"
+            )
+
     @property
     def shares_data_dir(self) -> bool:
         """Whether other services may use the same data directory: it holds the blobs of all."""
@@ -415,8 +428,8 @@ GROUPS: dict[str, type[SettingsGroup]] = {
 """Groups of `Settings` by the name of their field."""
 
 
-def load_settings() -> Settings:
-    """Read the settings from the environment.
+def load_settings(**given: Any) -> Settings:
+    """Read the settings from the environment; those that are given go before it.
 
     Raises
     ------
@@ -424,7 +437,7 @@ def load_settings() -> Settings:
         A value is not allowed; the message names each variable, and no value.
     """
     try:
-        return Settings()
+        return Settings(**given)
     except ValidationError as error:
         raise InvalidSettingsError("; ".join(map(_describe, error.errors()))) from None
 

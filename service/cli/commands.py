@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from typing import Literal
 
 from service.cli.align import add_align, run_align
 from service.cli.align_arguments import protect_negative_numbers
@@ -23,6 +24,7 @@ def run_command(arguments: Sequence[str]) -> int:
     commands = {
         "align": run_align,
         "serve": _serve,
+        "worker": _work,
         "keys": _keys,
         "backup": _copy,
         "restore": _copy,
@@ -41,6 +43,17 @@ def _parser() -> argparse.ArgumentParser:
     serve = commands.add_parser("serve", help="serve over HTTP; the settings are MPE_ variables")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     serve.add_argument("--port", default=8000, type=int, help="port to listen on (%(default)s)")
+    serve.add_argument(
+        "--no-workers", action="store_true", help="leave the registrations to `mpe worker`"
+    )
+    worker = commands.add_parser(
+        "worker", help="run registrations of the database MPE_DATABASE_URL, and answer probes alone"
+    )
+    worker.add_argument("--host", default="127.0.0.1", help="address of the probes (%(default)s)")
+    worker.add_argument("--port", default=8001, type=int, help="their port (%(default)s)")
+    worker.add_argument(
+        "--concurrency", type=int, metavar="N", help="registrations at once (MPE_WORKERS)"
+    )
     add_keys(commands)
     add_backup(commands)
     commands.add_parser(
@@ -52,13 +65,26 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _serve(arguments: argparse.Namespace) -> int:
+    return _run_service(arguments, "api" if arguments.no_workers else "all", None)
+
+
+def _work(arguments: argparse.Namespace) -> int:
+    return _run_service(arguments, "worker", arguments.concurrency)
+
+
+def _run_service(
+    arguments: argparse.Namespace, role: Literal["all", "api", "worker"], workers: int | None
+) -> int:
     from service.auth.bind_check import UnprotectedBindError
     from service.database.store import StoreLostError
     from service.server import serve  # loads the service, which `mpe align` does without
     from service.workers.sandbox.confinement import SandboxError
 
     try:
-        serve(load_settings(), arguments.host, arguments.port)
+        settings = load_settings() if workers is None else load_settings(workers=workers)
+        if role != "all":
+            settings.check_shared()
+        serve(settings, arguments.host, arguments.port, role)
     except (InvalidSettingsError, UnprotectedBindError, SandboxError) as error:
         return _fail(str(error), EXIT_USAGE)
     except (NotReadyError, StoreLostError) as error:

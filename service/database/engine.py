@@ -5,6 +5,7 @@ What differs between the two is in `service.database.sqlite` and `service.databa
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol
 
@@ -12,6 +13,13 @@ from sqlalchemy import Connection
 
 from service.database.postgres import PostgresDatabase
 from service.database.sqlite import SqliteDatabase
+
+
+class Closeable(Protocol):
+    """Something that has an end."""
+
+    def close(self) -> None:
+        """End it."""
 
 
 class ReadableDatabase(Protocol):
@@ -45,6 +53,20 @@ class Database(ReadableDatabase, Protocol):
         durable
             Wait for the disk. Otherwise the commit survives a crash of the process, but not of
             the machine, until a durable one has followed.
+        """
+
+    def announce(self, connection: Connection, message: str) -> None:
+        """Tell the processes that listen, once the transaction is committed."""
+
+    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> Closeable:
+        """Call `hear` in a thread with each message that another process, or this one, announces.
+
+        Parameters
+        ----------
+        hear
+            Takes a message.
+        missed
+            Called when messages may have been missed.
         """
 
     def orphan_cutoff(self) -> float:

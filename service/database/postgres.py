@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from sqlalchemy import Connection, Engine, create_engine, func, make_url, select, text
 
 from service.database.errors import translate_errors
 from service.database.migrate import migrate
+from service.database.postgres_listener import CHANNEL, PostgresListener
 
 POOL_SIZE = 20
 """Most connections of one service, of the 100 that a server allows by default."""
@@ -18,13 +19,17 @@ ADVISORY_LOCK_ID = 7_073_025
 """Key of the advisory lock that exclusive transactions hold; an arbitrary number."""
 
 
+_NOTIFY = text("SELECT pg_notify(:channel, :message)")
+
+
 class PostgresDatabase:
     """A `service.database.engine.Database` on a server, used by any number of processes."""
 
-    poll_interval_s: float = 1.0
-    """Other processes change rows without telling this one."""
+    poll_interval_s: float = 5.0
+    """A fallback: other processes announce their changes, except while a connection is lost."""
 
     def __init__(self, url: str) -> None:
+        self._url = url
         self._engine = _create_engine(url)
         self._snapshot_engine = self._engine.execution_options(isolation_level="REPEATABLE READ")
         try:
@@ -49,6 +54,16 @@ class PostgresDatabase:
             if exclusive:
                 connection.execute(select(func.pg_advisory_xact_lock(ADVISORY_LOCK_ID)))
             yield connection
+
+    def announce(self, connection: Connection, message: str) -> None:
+        """Tell the processes that listen, once the transaction is committed."""
+        connection.execute(_NOTIFY, {"channel": CHANNEL, "message": message})
+
+    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> PostgresListener:
+        """Call `hear` with each message that is announced, in a thread of its own."""
+        listener = PostgresListener(self._url, hear, missed)
+        listener.start()
+        return listener
 
     def orphan_cutoff(self) -> float:
         """Return the present: other processes live, so only a lease that has ended is orphaned."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import sqlite3
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,13 @@ class SqliteDatabase:
         engine = self._durable_engine if durable else self._relaxed_engine
         with translate_errors(), self._writer_lock, engine.begin() as connection:
             yield connection
+
+    def announce(self, connection: Connection, message: str) -> None:
+        """Tell nobody: no other process uses the file."""
+
+    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> ExitStack:
+        """Hear nothing, as nothing is announced."""
+        return ExitStack()
 
     def orphan_cutoff(self) -> float:
         """Return infinity: at the start, whatever another process held is orphaned."""

@@ -152,6 +152,15 @@ clouds = Table(
 )
 Index("clouds_by_age", clouds.c.tenant, clouds.c.created_at, clouds.c.id)
 
+# registrations that each service can run at once; one that is gone extends its lease no more
+worker_slots = Table(
+    "worker_slots",
+    metadata,
+    Column("service", String, primary_key=True),
+    Column("number", Integer, nullable=False),
+    Column("lease_until", Float, nullable=False),
+)
+
 # uploads in pieces; how far one is, is the length of its file
 uploads = Table(
     "uploads",

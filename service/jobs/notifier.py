@@ -36,6 +36,11 @@ class JobNotifier:
         """Wake all who watch the job."""
         self._wake_soon([(job.id, False), (job.id, True)])
 
+    def wake(self, job_id: str, *, has_ended: bool) -> None:
+        """Wake those who watch the job, which another process has changed."""
+        keys = [(job_id, False), (job_id, True)] if has_ended else [(job_id, False)]
+        self._wake_soon(keys)
+
     def wake_all(self) -> None:
         """Wake all watchers of all jobs, because nothing will change any more."""
         if not self._loop.is_closed():

@@ -6,13 +6,14 @@ import logging
 import time
 from collections.abc import Callable, Container, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, select, update
 
 from service.database.engine import Database
 from service.database.tables import jobs
 from service.jobs.accept import accept_job
+from service.jobs.announcements import Announcement
 from service.jobs.claim_order import MAX_PAUSE_S, NO_LIMIT, claim_next, find_next_tenant
 from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
@@ -63,7 +64,7 @@ class JobTransitions:
     ) -> JobRow:
         """Accept a job; see `service.jobs.accept.accept_job`."""
         with self._database.write(exclusive=True) as connection:
-            return accept_job(
+            accepted = accept_job(
                 connection,
                 job,
                 idempotency,
@@ -72,6 +73,9 @@ class JobTransitions:
                 retention=self._retention,
                 is_stored=self._is_stored,
             )
+            if accepted.status == "queued":
+                self._announce(connection, "queued", accepted)
+            return accepted
 
     def is_claimable(self, queue: JobQueue, tenant_limit: int = NO_LIMIT) -> bool:
         """Return whether `claim` would find a job now."""
@@ -99,6 +103,7 @@ class JobTransitions:
             row = claim_next(connection, queue, tenant_limit, lease_s=lease_s)
             if row is not None:
                 record_change(connection, row.id)
+                self._announce(connection, "changed", job_from_row(row))
         if row is None:
             return None
         self._notify(lambda listener: listener.changed(row.id))
@@ -238,6 +243,9 @@ class JobTransitions:
             is_changed = _update(connection, guard, values)
             if is_changed:
                 record_change(connection, job_id)
+                job = find_job(connection, jobs.c.id == job_id)
+                assert job is not None  # noqa: S101
+                self._announce(connection, "queued" if job.status == "queued" else "changed", job)
         if is_changed:
             self._notify(lambda listener: listener.changed(job_id))
         return is_changed
@@ -259,8 +267,16 @@ class JobTransitions:
             record_end(connection, job_id)
             job = find_job(connection, jobs.c.id == job_id)
             assert job is not None  # noqa: S101
+            self._announce(connection, "ended", job)
         self._notify(lambda listener: listener.ended(job))
         return True
+
+    def _announce(
+        self, connection: Connection, change: Literal["queued", "changed", "ended"], job: JobRow
+    ) -> None:
+        """Tell the other processes on the database, once the transaction is committed."""
+        message = Announcement(change, job.queue, job.id).encode()
+        self._database.announce(connection, message)
 
     def _notify(self, call: Callable[[JobListener], None]) -> None:
         """Call every listener; one that fails is logged, since the change is committed."""

@@ -67,7 +67,7 @@ class TenantUsage(ResponseModel):
 class Capacity(ResponseModel):
     """Load and limits of the service."""
 
-    workers: int = Field(description="Number of registrations that can run at once.")
+    workers: int = Field(description="Number of registrations that all services can run at once.")
     threads_per_worker: int = Field(description="Number of threads of one registration.")
     running: int = Field(description="Number of running registrations.")
     free: int = Field(description="Number of idle workers.")

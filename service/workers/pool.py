@@ -35,9 +35,21 @@ class WorkerPool:
 
     Clouds are fetched by threads of their own, so that a slow host holds no worker. A tenant gets
     no more of them than it leaves free. So one is always free for a tenant that has none yet.
+
+    Parameters
+    ----------
+    runs_jobs : bool
+        Whether it has workers at all; otherwise other services run the jobs.
     """
 
-    def __init__(self, transitions: JobTransitions, blobs: BlobStore, settings: Settings) -> None:
+    def __init__(
+        self,
+        transitions: JobTransitions,
+        blobs: BlobStore,
+        settings: Settings,
+        *,
+        runs_jobs: bool = True,
+    ) -> None:
         self._transitions = transitions
         self._blobs = blobs
         self._settings = settings
@@ -49,11 +61,9 @@ class WorkerPool:
         self._stopped = threading.Event()
         self._warm = threading.Event()
         self._failures: dict[str, str] = {}
-        self._workers = self._make_threads("register", "worker", settings.workers)
-        self._threads = [
-            *self._workers,
-            *self._make_threads("fetch", "fetcher", settings.url.concurrency),
-        ]
+        self._workers = self._make_threads("register", "worker", settings.workers * runs_jobs)
+        fetchers = self._make_threads("fetch", "fetcher", settings.url.concurrency * runs_jobs)
+        self._threads = [*self._workers, *fetchers]
 
     def _make_threads(self, queue: JobQueue, name: str, number: int) -> list[threading.Thread]:
         return [
@@ -63,7 +73,9 @@ class WorkerPool:
 
     @property
     def is_ready(self) -> bool:
-        """Whether jobs start at once."""
+        """Whether jobs start at once; those of a pool that runs none start elsewhere."""
+        if not self._workers:
+            return not self._stopping.is_set()
         can_start = any(thread.name not in self._failures for thread in self._workers)
         return self._warm.is_set() and can_start and not self._stopping.is_set()
 
@@ -100,6 +112,11 @@ class WorkerPool:
         """Wake a thread, because a job was added to the queue."""
         self._wake[queue].release()
 
+    def notify_all(self) -> None:
+        """Wake all threads, because jobs may have been added."""
+        for wake in self._wake.values():
+            wake.release(max(1, len(self._threads)))
+
     def kill(self, job_id: str) -> None:
         """Kill the child of a job that the store has already ended."""
         for job, child in list(self._running.values()):
@@ -109,8 +126,7 @@ class WorkerPool:
     def stop(self, grace_s: float = 0.0) -> None:
         """Start no further job; kill and requeue what still runs after the grace time."""
         self._stopping.set()
-        for wake in self._wake.values():
-            wake.release(len(self._threads))
+        self.notify_all()
         deadline = time.monotonic() + grace_s
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
@@ -147,7 +163,8 @@ class WorkerPool:
         if not self._prepare(supervisor):
             return
         self._warm.set()
-        if not self._work(supervisor, "register"):
+        is_claimable = self._transitions.is_claimable("register")  # most wakes are for others
+        if not (is_claimable and self._work(supervisor, "register")):
             self._wait_for_jobs("register")
 
     def _fetch(self, supervisor: AttemptSupervisor) -> None:

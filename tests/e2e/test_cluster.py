@@ -1,4 +1,4 @@
-"""Services that share a database and a bucket, and no directory."""
+"""Services that share a database and a bucket, and no directory: two for the API, one worker."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.e2e.test_events import follow
 from tests.factories.postgres import Postgres
+from tests.factories.processes import workers
 from tests.factories.s3 import S3Server
 from tests.factories.scans import arms, as_npy
 from tests.factories.server import Server, finished, registered, running_server
+from tests.factories.slow import SLOW, slow_pair
+from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
 JOBS = "/v1/registrations"
+API = ("serve", "--no-workers")
 TUS = {"Tus-Resumable": "1.0.0"}
 
 
@@ -27,7 +32,7 @@ def settings(postgres: Postgres, s3: S3Server) -> dict[str, object]:
 def first(
     settings: dict[str, object], tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Server]:
-    with running_server(tmp_path_factory.mktemp("first"), **settings) as running:
+    with running_server(tmp_path_factory.mktemp("first"), command=API, **settings) as running:
         yield running
 
 
@@ -35,7 +40,16 @@ def first(
 def second(
     settings: dict[str, object], tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Server]:
-    with running_server(tmp_path_factory.mktemp("second"), **settings) as running:
+    with running_server(tmp_path_factory.mktemp("second"), command=API, **settings) as running:
+        yield running
+
+
+@pytest.fixture(scope="module", autouse=True)
+def worker(
+    settings: dict[str, object], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Server]:
+    command = ("worker", "--concurrency", "1")
+    with running_server(tmp_path_factory.mktemp("worker"), command=command, **settings) as running:
         yield running
 
 
@@ -47,6 +61,28 @@ def test_what_one_has_another_answers(first: Server, second: Server) -> None:
     assert pairs == first.client.get(f"{path}/inliers").json()
     aligned = second.client.get(f"{path}/aligned?format=npy")
     assert (aligned.status_code, aligned.content[:6]) == (200, b"\x93NUMPY")
+
+
+def test_any_service_tells_of_all_workers(first: Server, worker: Server) -> None:
+    assert first.client.get("/v1/capacity").json()["workers"] == 1
+    assert worker.client.get("/metrics").status_code == 200
+    assert worker.client.get(JOBS).status_code == 404
+
+
+def test_cancel_ends_the_process_of_the_worker(
+    first: Server, second: Server, worker: Server
+) -> None:
+    job_id = first.submit(*slow_pair(), options=SLOW).json()["id"]
+    until(lambda: workers(worker))
+    assert second.client.delete(f"{JOBS}/{job_id}").json()["status"] == "cancelled"
+    until(lambda: not workers(worker))
+
+
+def test_events_of_a_worker_reach_any(first: Server, second: Server) -> None:
+    options = json.dumps({"seed": 3})
+    job = first.submit(CLOUD, CLOUD, options=options).json()
+    events = list(follow(second.client, job["id"]))
+    assert [events[0]["status"], events[-1]["status"]] == ["queued", "succeeded"]
 
 
 def test_a_stored_cloud_is_used_by_any(first: Server, second: Server) -> None:
@@ -72,3 +108,14 @@ def test_a_result_is_reused(first: Server, second: Server) -> None:
     options = json.dumps({"seed": 7})
     registered(first.client, CLOUD, CLOUD, options=options)
     assert second.submit(CLOUD, CLOUD, options=options).json()["cached"] is True
+
+
+def test_when_a_worker_is_killed_nothing_is_lost(first: Server, worker: Server) -> None:
+    """Last in this file: the lease of the attempt has to end first."""
+    cloud = as_npy(arms(8, 100_000))
+    job_id = first.submit(cloud, cloud).json()["id"]
+    until(lambda: workers(worker))
+    worker.kill()
+    worker.start()
+    ended = finished(first.client, job_id)
+    assert (ended["status"], ended["attempt"]) == ("succeeded", 2)

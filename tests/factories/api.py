@@ -28,7 +28,7 @@ Use = Callable[[httpx.AsyncClient, Runtime], Awaitable[None]]
 class IdleWorkers:
     """Stands in for the WorkerPool: jobs stay queued."""
 
-    def __init__(self, *_: object) -> None:
+    def __init__(self, *_: object, runs_jobs: bool = True) -> None:
         self.is_ready = True
         self.failure: str | None = None
         self.is_stopping = False
@@ -42,6 +42,9 @@ class IdleWorkers:
         self.is_stopping = self.is_stopped = True
 
     def notify(self, queue: JobQueue) -> None:
+        """Wake nobody."""
+
+    def notify_all(self) -> None:
         """Wake nobody."""
 
     def held_jobs(self) -> frozenset[str]:

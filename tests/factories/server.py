@@ -7,7 +7,7 @@ import secrets
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,16 @@ START_S = 240.0
 
 
 class Server:
-    """One server process; `start`, `stop` and `kill` may be called again and again."""
+    """One server process; `start`, `stop` and `kill` may be called again and again.
 
-    def __init__(self, data_dir: Path, **settings: object) -> None:
+    `command` are the words after `mpe`.
+    """
+
+    def __init__(
+        self, data_dir: Path, *, command: Sequence[str] = ("serve",), **settings: object
+    ) -> None:
         self.data_dir = data_dir
+        self._command = command
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
         self.client = httpx.Client(base_url=self.url, timeout=CALL_S, trust_env=False)
@@ -48,7 +54,7 @@ class Server:
         with (self.data_dir.parent / "server.log").open("ab") as log:
             place = ["--host", host, "--port", str(self.port)]
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "service.cli", "serve", *place],
+                [sys.executable, "-m", "service.cli", *self._command, *place],
                 cwd=PROJECT,
                 env=self._environment,
                 stdout=log,
@@ -132,12 +138,14 @@ def registered(client: httpx.Client, source: bytes, target: bytes, **kwargs: Any
 
 
 @contextmanager
-def running_server(directory: Path, *, ready: bool = True, **settings: object) -> Iterator[Server]:
+def running_server(
+    directory: Path, *, ready: bool = True, command: Sequence[str] = ("serve",), **settings: object
+) -> Iterator[Server]:
     """A server that is ready, or alive; settings by their names without MPE_, in lower case.
 
     Other variables of its environment in upper case.
     """
-    server = Server(directory / "data", **settings)
+    server = Server(directory / "data", command=command, **settings)
     server.data_dir.mkdir(parents=True, exist_ok=True)
     try:
         server.start(ready=ready)

@@ -58,12 +58,12 @@ def metrics(runtime: CurrentRuntime) -> Response:
 def capacity(runtime: CurrentRuntime, caller: CurrentCaller) -> Capacity:
     """Return workers, queue, limits, and the usage of the caller's tenant."""
     settings, limits = runtime.settings, caller.limits
-    running = runtime.jobs.count("running", queue="register")
+    running, workers = runtime.jobs.count("running", queue="register"), runtime.slots.count()
     return Capacity(
-        workers=settings.workers,
+        workers=workers,
         threads_per_worker=settings.threads,
         running=running,
-        free=max(0, settings.workers - running),
+        free=max(0, workers - running),
         queued=runtime.jobs.count("queued"),
         queue_limit=settings.queue_limit,
         max_body_bytes=settings.max_body_bytes,

@@ -1,0 +1,69 @@
+"""A thread that hears what other processes on the same PostgreSQL database announce (LISTEN)."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+CHANNEL = "mpe_changes"
+WAIT_S = 0.5
+"""Longest wait for a message, in seconds, between two looks whether to stop."""
+RECONNECT_S = 1.0
+"""Pause before a lost connection is opened again, in seconds."""
+CONNECT_TIMEOUT_S = 10
+KEEPALIVE_S = 10
+"""Time without a message after which TCP asks whether the server is there, in seconds."""
+log = logging.getLogger(__name__)
+
+
+class PostgresListener:
+    """Calls `hear` with each message, and `missed` when some may have been lost."""
+
+    def __init__(self, url: str, hear: Callable[[str], None], missed: Callable[[], None]) -> None:
+        self._url = url
+        self._hear = hear
+        self._missed = missed
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="listen", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the thread."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        import psycopg
+
+        while not self._stopping.is_set():
+            try:
+                self._listen()
+            except psycopg.Error as error:
+                log.warning("no connection to hear of changes; polling instead: %s", error)
+            except Exception:
+                log.exception("a change could not be heard")
+            self._stopping.wait(RECONNECT_S)
+
+    def _listen(self) -> None:
+        import psycopg
+
+        with psycopg.connect(
+            self._url,
+            autocommit=True,
+            application_name="mpe-listen",
+            connect_timeout=CONNECT_TIMEOUT_S,
+            keepalives_idle=KEEPALIVE_S,
+            keepalives_interval=KEEPALIVE_S,
+            keepalives_count=2,
+        ) as connection:
+            connection.execute(f"LISTEN {CHANNEL}")
+            self._missed()
+            while not self._stopping.is_set():
+                for message in connection.notifies(timeout=WAIT_S):
+                    self._hear(message.payload)
+                    if self._stopping.is_set():
+                        return
