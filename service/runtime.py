@@ -16,6 +16,7 @@ from service.auth.keys import KeyStore
 from service.auth.quotas import StorageQuota
 from service.auth.rate_limit import RateLimiter
 from service.clouds.appends import ActiveAppends
+from service.clouds.shared_uploads import SharedUploadStore
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
 from service.database.engine import Database
@@ -152,12 +153,7 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
         tracing = None if settings.otlp_endpoint is None else Tracing(settings.otlp_endpoint)
         telemetry = stack.enter_context(closing(Telemetry(metrics, tracing)))
         clouds = CloudStore(database, blobs, retention_s=settings.cloud_retention_s)
-        uploads = UploadStore(
-            database,
-            clouds,
-            settings.data_dir / "uploads",
-            retention_s=settings.upload_retention_s,
-        )
+        uploads = _open_uploads(settings, database, clouds, blobs)
         notifier = JobNotifier()
         jobs = JobQueries(database)
         metrics.watch(jobs)
@@ -203,6 +199,15 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
         stack.enter_context(closing(database.listen(runtime.hear, runtime.look_again)))
         stack.callback(runtime.exporter.stop)
         yield runtime
+
+
+def _open_uploads(
+    settings: Settings, database: Database, clouds: CloudStore, blobs: BlobStore
+) -> UploadStore:
+    directory, retention_s = settings.data_dir / "uploads", settings.upload_retention_s
+    if settings.blob.url is None:
+        return UploadStore(database, clouds, directory, retention_s=retention_s)
+    return SharedUploadStore(database, clouds, blobs, directory, retention_s=retention_s)
 
 
 def _withdraw(runtime: Runtime) -> None:

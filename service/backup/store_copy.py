@@ -45,14 +45,14 @@ def copy_store(settings: Settings, directory: Path) -> StoreCopy:
         The database does not answer.
     """
     if settings.database_url is None:
-        return _copy_sqlite(settings.sqlite_path, directory / settings.sqlite_path.name)
-    return _dump_postgres(settings.store_url, directory / DUMP_NAME)
+        return _copy_sqlite(settings, directory / settings.sqlite_path.name)
+    return _dump_postgres(settings, directory / DUMP_NAME)
 
 
-def _copy_sqlite(source: Path, target: Path) -> StoreCopy:
+def _copy_sqlite(settings: Settings, target: Path) -> StoreCopy:
     """Copy the database with what is in its write-ahead log."""
     target.unlink(missing_ok=True)
-    uri = f"{source.absolute().as_uri()}?mode=ro"
+    uri = f"{settings.sqlite_path.absolute().as_uri()}?mode=ro"
     with (
         closing(sqlite3.connect(uri, uri=True, timeout=_BUSY_TIMEOUT_S)) as reader,
         closing(sqlite3.connect(target)) as writer,
@@ -60,16 +60,20 @@ def _copy_sqlite(source: Path, target: Path) -> StoreCopy:
         reader.backup(writer)
         writer.execute("PRAGMA journal_mode=DELETE")  # one file, without a log beside it
     with closing(SqliteSnapshot(target)) as snapshot:
-        return StoreCopy(_describe(target), list(_named_files(snapshot)))
+        return StoreCopy(_describe(target), _list_files(settings, snapshot))
 
 
-def _dump_postgres(url: str, target: Path) -> StoreCopy:
+def _dump_postgres(settings: Settings, target: Path) -> StoreCopy:
     """Dump the rows of one snapshot, and read the names of the files from the same one."""
     target.unlink(missing_ok=True)
-    with closing(PostgresSnapshot(url)) as snapshot:
-        names = list(_named_files(snapshot))
-        dump_database(url, target, snapshot=snapshot.export())
+    with closing(PostgresSnapshot(settings.store_url)) as snapshot:
+        names = _list_files(settings, snapshot)
+        dump_database(settings.store_url, target, snapshot=snapshot.export())
     return StoreCopy(_describe(target), names)
+
+
+def _list_files(settings: Settings, database: ReadableDatabase) -> list[str]:
+    return list(_named_files(database, has_files=settings.blob.url is None))
 
 
 def _describe(store: Path) -> BackedUpFile:
@@ -78,12 +82,13 @@ def _describe(store: Path) -> BackedUpFile:
     return BackedUpFile(path=store.name, size=store.stat().st_size, sha256=hash_file(store))
 
 
-def _named_files(database: ReadableDatabase) -> Iterator[str]:
+def _named_files(database: ReadableDatabase, *, has_files: bool) -> Iterator[str]:
+    """Yield the files that rows name; uploads have files unless their pieces are blobs."""
     blobs = sorted(find_needed_blobs(database))
     query = select(uploads.c.id).where(uploads.c.is_complete.is_(False))
     with database.read() as connection:
         pieces = sorted(connection.scalars(query))
     for sha256 in blobs:
         yield str(blob_path(Path(), sha256))
-    for upload_id in pieces:
+    for upload_id in pieces if has_files else ():
         yield f"uploads/{upload_id}"

@@ -6,9 +6,9 @@ import fcntl
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 from uuid import uuid4
 
 from sqlalchemy import delete, insert, select, update
@@ -32,6 +32,10 @@ class Upload:
     expires_at: float
     format: str | None
     """As declared by the caller."""
+    received: int = 0
+    """Bytes of all pieces that are blobs."""
+    pieces: list[dict[str, Any]] = field(default_factory=list)
+    """Hash and size of each piece that is a blob, in order."""
 
 
 class UploadStore:
@@ -98,12 +102,12 @@ class UploadStore:
             The upload has expired meanwhile.
         """
         if upload.is_complete:
-            raise _wrong_offset(upload.length)
+            raise wrong_offset(upload.length)
         with self._open(upload) as file:
-            if not _try_lock(file):
+            if not try_lock(file):
                 raise UploadConflictError("Another request appends to this upload; retry later.")
             if offset != self.offset(upload):
-                raise _wrong_offset(self.offset(upload))
+                raise wrong_offset(self.offset(upload))
             file.seek(offset)
             yield file
 
@@ -120,15 +124,19 @@ class UploadStore:
         """
         is_complete = self.offset(upload) == upload.length
         if is_complete:
-            try:
-                self._clouds.adopt(upload.tenant, upload.id, self._path(upload), upload.format)
-            except (ServiceError, ValueError):
-                self.remove(upload)
-                raise
+            self._complete(upload)
         values = {"is_complete": is_complete, "expires_at": time.time() + self._retention_s}
         with self._database.write() as connection:
             connection.execute(update(uploads).where(uploads.c.id == upload.id).values(**values))
         return self.get(upload.tenant, upload.id)
+
+    def _complete(self, upload: Upload) -> None:
+        """Make the received file the tenant's cloud of the same id."""
+        try:
+            self._clouds.adopt(upload.tenant, upload.id, self._path(upload), upload.format)
+        except (ServiceError, ValueError):
+            self.remove(upload)
+            raise
 
     def remove(self, upload: Upload) -> None:
         """Delete the upload and what has been received; a cloud that it has become stays.
@@ -148,7 +156,7 @@ class UploadStore:
         for upload in expired:
             try:
                 with self._open(upload) as file:
-                    if _try_lock(file):
+                    if try_lock(file):
                         self.remove(upload)
             except UnknownUploadError:  # it is complete, or its file has been removed
                 self.remove(upload)
@@ -164,7 +172,7 @@ class UploadStore:
             raise _unknown() from error
 
 
-def _try_lock(file: BinaryIO) -> bool:
+def try_lock(file: BinaryIO) -> bool:
     """Lock the file until it is closed; return False when somebody else holds it."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -177,7 +185,8 @@ def _unknown() -> UnknownUploadError:
     return UnknownUploadError("No upload has this id; it may have expired.")
 
 
-def _wrong_offset(expected: int) -> UploadConflictError:
+def wrong_offset(expected: int) -> UploadConflictError:
+    """Return the error of a piece that does not begin where the last one ended."""
     return UploadConflictError(
         f"Upload-Offset must be {expected}, the number of bytes received so far."
     )

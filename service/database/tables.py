@@ -161,7 +161,7 @@ worker_slots = Table(
     Column("lease_until", Float, nullable=False),
 )
 
-# uploads in pieces; how far one is, is the length of its file
+# uploads in pieces; how far one is, is the length of its file, or of its pieces in a bucket
 uploads = Table(
     "uploads",
     metadata,
@@ -172,4 +172,7 @@ uploads = Table(
     Column("expires_at", Float, nullable=False),
     # as declared by the caller
     Column("format", String),
+    # of uploads whose pieces are blobs: their length together, and hash and length of each
+    Column("received", BigInteger, nullable=False),
+    Column("pieces", JSON, nullable=False),
 )

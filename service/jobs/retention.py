@@ -7,7 +7,7 @@ import time
 from sqlalchemy import and_, delete, or_, select, update
 
 from service.database.engine import Database, ReadableDatabase
-from service.database.tables import clouds, jobs
+from service.database.tables import clouds, jobs, uploads
 from service.jobs.model import TERMINAL_STATUSES
 
 HOLDS_BLOBS = or_(jobs.c.status.not_in(TERMINAL_STATUSES), jobs.c.result_sha256.is_not(None))
@@ -26,12 +26,14 @@ def drop_expired(database: Database) -> None:
 
 
 def find_needed_blobs(database: ReadableDatabase) -> set[str]:
-    """Return the hashes of all blobs that a job or a stored cloud needs."""
+    """Return the hashes of all blobs that a job, a stored cloud or an unfinished upload needs."""
     inputs = (cloud["sha256"].as_string() for cloud in (jobs.c.source, jobs.c.target))
     query = select(*inputs, jobs.c.result_sha256, jobs.c.inliers_sha256).where(HOLDS_BLOBS)
     with database.read() as connection:
         rows = connection.execute(query)
         needed = {sha256 for row in rows for sha256 in row if sha256 is not None}
+        unfinished = connection.scalars(select(uploads.c.pieces).where(~uploads.c.is_complete))
+        needed |= {piece["sha256"] for pieces in unfinished for piece in pieces}
     return needed | {sha256 for _, sha256 in find_cloud_blobs(database)}
 
 

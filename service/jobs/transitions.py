@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Container, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, select, update
@@ -125,7 +125,7 @@ class JobTransitions:
     def record_progress(self, job: JobRow, stage: str, fraction: float) -> bool:
         """Record how far the attempt is; return False when it is not current."""
         values = {"stage": stage, "fraction": fraction}
-        return self._change(_is_current_attempt(job), job.id, values, durable=False)
+        return self._change(job, values, durable=False)
 
     def record_fetched(self, job: JobRow) -> bool:
         """Queue a job whose clouds are stored for the workers; return False if it is not current.
@@ -140,7 +140,7 @@ class JobTransitions:
             "queue": "register",
             **_QUEUED,
         }
-        return self._change(_is_current_attempt(job), job.id, values)
+        return self._change(job, values)
 
     def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
         """Commit a result; return False when the attempt is not current."""
@@ -155,7 +155,7 @@ class JobTransitions:
 
     def requeue(self, job: JobRow) -> bool:
         """Return an attempt that was interrupted on purpose to the queue; it is not lost."""
-        return self._change(_is_current_attempt(job), job.id, _QUEUED)
+        return self._change(job, _QUEUED)
 
     def record_lost_attempt(self, job: JobRow, reason: str) -> bool:
         """Return a job whose attempt ended without an answer to the queue, or fail it.
@@ -165,7 +165,7 @@ class JobTransitions:
         lost = job.lost_attempts + 1
         if lost < MAX_LOST_ATTEMPTS:
             values = {"lost_attempts": lost, **_QUEUED}
-            return self._change(_is_current_attempt(job), job.id, values)
+            return self._change(job, values)
         error = WorkerLostError(f"{lost} attempts ended without an answer; the last: {reason}")
         return self.fail(job, error_document(error), {})
 
@@ -182,7 +182,7 @@ class JobTransitions:
         if number < MAX_INTERRUPTIONS:
             pause_s = _pause_after(number)
             values = {"interruptions": number, "paused_until": time.time() + pause_s, **_QUEUED}
-            return self._change(_is_current_attempt(job), job.id, values)
+            return self._change(job, values)
         error = WorkerLostError(f"{number} attempts were interrupted; the last: {reason}")
         return self.fail(job, final_error or error_document(error), {})
 
@@ -230,24 +230,18 @@ class JobTransitions:
             ended = [job_from_row(row) for row in connection.execute(query)]
         return sum(self.interrupt(job, reason) for job in ended if job.id not in held)
 
-    def _change(
-        self,
-        guard: ColumnElement[bool],
-        job_id: str,
-        values: dict[str, Any],
-        *,
-        durable: bool = True,
-    ) -> bool:
-        """Update the job that meets the guard; return False when none does."""
+    def _change(self, job: JobRow, values: dict[str, Any], *, durable: bool = True) -> bool:
+        """Update a job in its attempt; return False when that is not current."""
+        change: Literal["queued", "changed"] = "queued" if "status" in values else "changed"
         with self._database.write(durable=durable) as connection:
-            is_changed = _update(connection, guard, values)
+            is_changed = _update(connection, _is_current_attempt(job), values)
             if is_changed:
-                record_change(connection, job_id)
-                job = find_job(connection, jobs.c.id == job_id)
-                assert job is not None  # noqa: S101
-                self._announce(connection, "queued" if job.status == "queued" else "changed", job)
+                record_change(connection, job.id)
+                self._announce(
+                    connection, change, replace(job, queue=values.get("queue", job.queue))
+                )
         if is_changed:
-            self._notify(lambda listener: listener.changed(job_id))
+            self._notify(lambda listener: listener.changed(job.id))
         return is_changed
 
     def _end(self, guard: ColumnElement[bool], job_id: str, **values: Any) -> bool:

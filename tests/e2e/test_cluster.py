@@ -96,10 +96,11 @@ def test_a_stored_cloud_is_used_by_any(first: Server, second: Server) -> None:
 def test_an_upload_in_pieces_becomes_a_cloud_of_all(first: Server, second: Server) -> None:
     length = {**TUS, "Upload-Length": str(len(CLOUD))}
     place = first.client.post("/v1/uploads", headers=length).headers["Location"]
-    for offset, piece in ((0, CLOUD[:1000]), (1000, CLOUD[1000:])):
+    pieces = (first, 0, CLOUD[:1000]), (second, 1000, CLOUD[1000:])
+    for server, offset, piece in pieces:
         headers = {**TUS, "Upload-Offset": str(offset)}
         headers["Content-Type"] = "application/offset+octet-stream"
-        assert first.client.patch(place, content=piece, headers=headers).status_code == 204
+        assert server.client.patch(place, content=piece, headers=headers).status_code == 204
     cloud = second.client.get(place.replace("uploads", "clouds")).json()
     assert cloud["size"] == len(CLOUD)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from email.utils import format_datetime
 from typing import Annotated, Any, BinaryIO
@@ -137,16 +138,15 @@ async def append(
     upload = await run_in_threadpool(runtime.uploads.get, caller.tenant, upload_id)
     remaining = max(0, upload.length - upload_offset)
     announced = min(remaining, int(request.headers.get("content-length", remaining)))
-    if upload_offset == runtime.uploads.offset(upload):
+    if upload_offset == await run_in_threadpool(runtime.uploads.offset, upload):
         await runtime.appends.interrupt(upload.id)  # its caller knows what has arrived: goes on
-    with (
-        reserve_disk(runtime, announced),
-        runtime.uploads.open_at(upload, upload_offset) as file,
-    ):
+    with reserve_disk(runtime, announced), ExitStack() as opened:
+        appending = runtime.uploads.open_at(upload, upload_offset)
+        file = await run_in_threadpool(opened.enter_context, appending)  # it may fetch pieces
         async with runtime.appends.enter(upload.id) as limit:
             await _write_body(request, file, limit, max_bytes=remaining)
             upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
-    return _tus_response(204, _state(upload, runtime))
+    return _tus_response(204, await run_in_threadpool(_state, upload, runtime))
 
 
 @router.delete(

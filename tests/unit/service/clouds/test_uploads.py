@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from service.clouds.shared_uploads import SharedUploadStore
 from service.clouds.store import CloudStore
 from service.clouds.uploads import Upload, UploadStore
 from service.database.engine import Database
@@ -29,10 +30,18 @@ def clouds(database: Database, tmp_path: Path) -> CloudStore:
     return CloudStore(database, BlobStore(tmp_path), retention_s=60)
 
 
-@pytest.fixture
-def open_uploads(database: Database, clouds: CloudStore, tmp_path: Path) -> Open:
+@pytest.fixture(params=["files", "blobs"])
+def open_uploads(
+    request: pytest.FixtureRequest, database: Database, clouds: CloudStore, tmp_path: Path
+) -> Open:
+    """Opens the uploads of one service, with their pieces in its file or as blobs of all."""
+
     def open_(*, retention_s: float = 60) -> UploadStore:
-        return UploadStore(database, clouds, tmp_path / "uploads", retention_s=retention_s)
+        directory = tmp_path / "uploads"
+        if request.param == "files":
+            return UploadStore(database, clouds, directory, retention_s=retention_s)
+        blobs = BlobStore(tmp_path)
+        return SharedUploadStore(database, clouds, blobs, directory, retention_s=retention_s)
 
     return open_
 
@@ -116,6 +125,8 @@ def test_uploads_expire_but_not_under_way(open_uploads: Open, tmp_path: Path) ->
     with uploads.open_at(upload, 0) as file:
         open_uploads().drop_expired()
         file.write(b"x")
+        file.flush()
+        uploads.finish_piece(upload)
     assert uploads.offset(uploads.get("lab", upload.id)) == 1
     uploads.drop_expired()
     assert files(tmp_path) == []
