@@ -129,6 +129,9 @@ def test_the_pose_in_other_forms_and_files(
             page.get_by_role("button", name="Download").click()
         assert saved.value.suggested_filename == f"aligned-{job[:8]}.ply"
         assert Path(saved.value.path()).read_bytes().startswith(b"ply")
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="Report").click()
+        assert "<html" in Path(saved.value.path()).read_text()
 
 
 def test_georeferenced_clouds_are_drawn_as_exactly_as_others(

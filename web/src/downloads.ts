@@ -45,6 +45,8 @@ export function makeDownloads(job: Job): HTMLElement {
     h(
       "div",
       { className: "row" },
+      save("Report (HTML)", () => [`${path}/report`, `report-${job.id.slice(0, 8)}.html`]),
+      save("Picture (PNG)", () => [`${path}/preview.png`, `registration-${job.id.slice(0, 8)}.png`]),
       save("Result (JSON)", () => [path, `registration-${job.id.slice(0, 8)}.json`]),
       save("Statistics of distances (JSON)", () => [`${path}/deviation`, `deviation-${job.id.slice(0, 8)}.json`]),
       save("Inlier pairs (NPY)", () => [`${path}/inliers?format=npy`, `inliers-${job.id.slice(0, 8)}.npy`]),
