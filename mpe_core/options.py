@@ -26,6 +26,9 @@ FIELDS: tuple[FieldMethod, ...] = ("tree", "exact")
 Scale = Literal["fixed", "units", "free"] | tuple[float, float]
 SCALES = ("fixed", "units", "free")
 
+UseColor = Literal["auto", "never"]
+USES_OF_COLOR: tuple[UseColor, ...] = ("auto", "never")
+
 ACCEPTANCE_THRESHOLD = 0.5
 """Confidence from which on a pose counts as right."""
 
@@ -124,6 +127,12 @@ class RegistrationOptions:
     far from all others like -9999, beams without echo at the largest range, and all but one of many
     copies of a point. By default they are left out, and a warning tells their number."""
 
+    use_color: UseColor = "auto"
+    """Whether intensity or colour may settle the pose. "auto": where both clouds have it, and the
+    surfaces alone leave the pose free (a wall, a floor, a tube) or ambiguous; where they settle it,
+    colour changes nothing. Gain and offset of the scanners may differ. "never": it is not looked
+    at. With scale "fixed" only."""
+
     max_iterations: int = 100
     """Largest number of iterations of each stage."""
 
@@ -137,6 +146,10 @@ class RegistrationOptions:
             raise InvalidOptionsError(f"search must be one of {SEARCHES}, got {self.search!r}")
         if self.field not in FIELDS:
             raise InvalidOptionsError(f"field must be one of {FIELDS}, got {self.field!r}")
+        if self.use_color not in USES_OF_COLOR:
+            raise InvalidOptionsError(
+                f"use_color must be one of {USES_OF_COLOR}, got {self.use_color!r}"
+            )
         self._check_scale()
         _check_count("sample_size", self.sample_size, minimum=3)
         _check_count("max_iterations", self.max_iterations, minimum=1)

@@ -18,6 +18,8 @@ def register(
     *,
     source_weights: ArrayLike | None = None,
     target_weights: ArrayLike | None = None,
+    source_colors: ArrayLike | None = None,
+    target_colors: ArrayLike | None = None,
     on_progress: StageCallback | None = None,
 ) -> Registration:
     """Find the pose that lays the source on the target.
@@ -35,6 +37,9 @@ def register(
     source_weights, target_weights
         (N,) and (M,) weights of the points, 0 or more and in any unit: K_i of the paper. Points of
         weight 0 do not influence the pose, but may be inliers.
+    source_colors, target_colors
+        (N,) and (M,) intensities, or (N, 3) and (M, 3) colours, in any unit. Where both are given,
+        they settle what the surfaces leave free; see `use_color` of the options.
     on_progress
         Called as on_progress(stage, fraction of the whole in [0, 1]) between stages and between the
         iterations of long ones. An exception that it raises ends the registration.
@@ -74,11 +79,16 @@ def register(
     with progress.stage("prepare"):
         clouds = [
             validate_cloud(
-                cloud, name, weights, keep_no_data=options.keep_no_data, viewpoint=viewpoint
+                cloud,
+                name,
+                weights,
+                keep_no_data=options.keep_no_data,
+                viewpoint=viewpoint,
+                colors=colors,
             )
-            for cloud, name, weights, viewpoint in (
-                (source, "source", source_weights, options.source_viewpoint),
-                (target, "target", target_weights, options.target_viewpoint),
+            for cloud, name, weights, viewpoint, colors in (
+                (source, "source", source_weights, options.source_viewpoint, source_colors),
+                (target, "target", target_weights, options.target_viewpoint, target_colors),
             )
         ]
     return register_scaled(clouds[0], clouds[1], options, progress)

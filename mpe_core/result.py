@@ -25,6 +25,7 @@ WarningCode = Literal[
     "other_scale",
     "ambiguous",
     "free_directions",
+    "settled_by_color",
     "no_inliers",
 ]
 """Stable names of warnings (docs/when-it-says-no.md); "file" is about how a file was read."""

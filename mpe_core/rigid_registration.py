@@ -51,6 +51,8 @@ class Attempt:
     """What matched the clouds."""
     pair: CloudPair
     """The normalized clouds."""
+    is_by_color: bool = False
+    """Whether intensity or colour settled the pose."""
 
 
 def register_rigidly(
@@ -93,11 +95,38 @@ def register_rigidly(
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
         best, others = pipeline.refine(pair.from_caller(start)), []
-    minimum = best.minimum
     with progress.stage("refine"):
         uncertainty = _estimate_uncertainty(pipeline, pair, best)
-        # about the moved source's centroid, which is the origin of the normalized source
-        uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
+    return describe_pose(pipeline, pair, [best, *others], uncertainty, options, progress)
+
+
+def describe_pose(
+    pipeline: PosePipeline,
+    pair: CloudPair,
+    poses: list[ScoredPose],
+    uncertainty: PoseUncertainty,
+    options: RegistrationOptions,
+    progress: Progress,
+) -> Attempt:
+    """Describe the first of the poses in the caller's frames, and the others as alternatives.
+
+    Parameters
+    ----------
+    pipeline, pair
+        What matched the clouds, and the normalized clouds.
+    poses
+        Poses between the normalized clouds.
+    uncertainty
+        That of the first pose, about the target's origin.
+    options
+        Options of the registration.
+    progress
+        Takes stages and times.
+    """
+    best, *others = poses
+    minimum = best.minimum
+    # about the moved source's centroid, which is the origin of the normalized source
+    uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
     with progress.stage("inliers"):
         distances = pipeline.planes.match(minimum.T).distances()
         estimate = estimate_inlier_threshold(

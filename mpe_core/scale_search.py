@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.unit_check import guess_units
 from mpe_core.clouds.validate import Cloud
+from mpe_core.color_search import SETTLED, settle_by_color
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import Progress
 from mpe_core.refine.scale import ScaleStep, estimate_scale_step
@@ -95,7 +96,9 @@ def register_scaled(
         return _register_free(source, target, options, progress).result()
     if options.scale == "units":
         return _register_units(source, target, options, progress)
-    first = register_rigidly(source, target, options, progress)
+    first = settle_by_color(register_rigidly(source, target, options, progress), options, progress)
+    if first.is_by_color:
+        return _with_cause(first.found, SETTLED)
     if first.found.accepted:
         return _doubt(source, target, first, options, progress)
     return _with_cause(first.found, _name_cause(source, target, first, options, progress))

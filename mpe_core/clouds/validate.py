@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mpe_core.clouds.brightness import validate_colors
 from mpe_core.clouds.no_data import NoData, find_no_data
 from mpe_core.errors import (
     CloudShapeError,
@@ -43,6 +44,8 @@ class Cloud:
     """(N,) the caller's weights K_i, at least 3 of them above 0."""
     no_data: tuple[NoData, ...] = ()
     """Rows that were left out because they stand for no point."""
+    brightness: Array | None = None
+    """(N,) intensity, or mean of the colour, NaN where it is unknown."""
 
     def scaled(self, factor: float) -> Cloud:
         """Return the cloud with its coordinates times a factor above 0."""
@@ -91,6 +94,7 @@ def validate_cloud(
     *,
     keep_no_data: bool = True,
     viewpoint: tuple[float, ...] | None = None,
+    colors: ArrayLike | None = None,
 ) -> Cloud:
     """Check a cloud, and drop its rows with NaN or infinity in a coordinate or weight.
 
@@ -106,11 +110,13 @@ def validate_cloud(
         Whether rows that stand for no point are kept.
     viewpoint
         (3,) position of the scanner, if it is known.
+    colors
+        (N,) intensities or (N, 3) colours.
 
     Raises
     ------
     CloudShapeError
-        If the cloud is not an (N, 3) array of integers or floats.
+        If the cloud is not an (N, 3) array of integers or floats, or its colors do not fit.
     TooFewPointsError
         If fewer than 3 rows are finite.
     CoordinateRangeError
@@ -123,6 +129,7 @@ def validate_cloud(
     array = _as_array(cloud, name)
     points = np.ascontiguousarray(array, np.float64)
     K = None if weights is None else _validate_weights(weights, len(points), name)
+    brightness = None if colors is None else validate_colors(colors, len(points), name)
     bounds, rows = measure_extent(points), None
     if not np.isfinite(bounds.mean).all() or (K is not None and not np.isfinite(K).all()):
         is_finite = np.isfinite(array).all(axis=1)
@@ -142,7 +149,8 @@ def validate_cloud(
         )
     if rows is not None:
         bounds = measure_extent(points)
-    valid = Cloud(points, rows, dropped, bounds, K, no_data)
+        brightness = None if brightness is None else brightness[rows]
+    valid = Cloud(points, rows, dropped, bounds, K, no_data, brightness)
     _check_range(valid, name)
     _check_thickness(points, bounds, name)
     if K is not None:
