@@ -28,6 +28,7 @@ from service.formats import (
     DecodedCloud,
     ReadLimits,
     UnsupportedFileError,
+    common_brightness,
     read_crs,
     read_pieces,
 )
@@ -96,6 +97,7 @@ def _align(arguments: argparse.Namespace) -> int:
     options = parse_options(arguments)
     output_format = _output_format(arguments.output)
     source, target = (_read(role, arguments) for role in CLOUD_ROLES)
+    source_colors, target_colors = common_brightness(source, target)
     with show_progress() as on_progress:
         registration = register(
             source.points,
@@ -103,6 +105,8 @@ def _align(arguments: argparse.Namespace) -> int:
             options,
             source_weights=source.weights,
             target_weights=target.weights,
+            source_colors=source_colors,
+            target_colors=target_colors,
             on_progress=on_progress,
         )
     inliers = in_file_rows(registration.inliers, source, target)

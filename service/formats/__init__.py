@@ -6,6 +6,7 @@ pye57, trimesh, lzf) are imported when a file of such a format is read or writte
 
 from __future__ import annotations
 
+from service.formats.brightness import common_brightness
 from service.formats.crs import warn_unlike
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import (
@@ -42,6 +43,7 @@ __all__ = [
     "TruncatedFileError",
     "UnknownFormatError",
     "UnsupportedFileError",
+    "common_brightness",
     "read_crs",
     "read_pieces",
     "read_points",

@@ -39,6 +39,8 @@ class DecodedCloud:
     """Records of LAS that say in which coordinate system the points are."""
     rows: NDArray[np.int64] | None = None
     """(N,) rows of the file that are kept, where it was thinned while read; None: all are."""
+    brightness: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    """(N,) colour and intensity as `find_brightness` names them; only as `read_surface` reads."""
     mesh: DecodedCloud | None = None
     """The mesh whose surface the points are samples of."""
 

@@ -1,7 +1,8 @@
-"""Points of a mesh for a registration: samples of its surface, spread evenly over the area."""
+"""Clouds for a registration: their points, of meshes samples of the surface, and brightness."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.brightness import find_brightness
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits
-from service.formats.errors import FileLimitError, MalformedFileError
+from service.formats.errors import CloudFileError, FileLimitError, MalformedFileError
 from service.formats.read import read_points
 
 MIN_DEFAULT_SAMPLES = 50_000
@@ -19,6 +21,8 @@ _MIN_SHARE_AT_FACES = 0.5
 """Share of the vertices at faces from which on the faces are the surface, and no leftovers."""
 _BLOCK_FACES = 1 << 20
 """Faces whose areas are computed at once, to bound the memory."""
+_ABOUT_ATTRIBUTES = re.compile(r"^(?!the faces).*\bnot kept\b")
+"""Warnings of readers about attributes that nobody asked for."""
 _SEED = 0
 """Seed of the samples: the same file gives the same points."""
 
@@ -30,7 +34,7 @@ def read_surface(
     surface_samples: int | None = None,
     **choices: Any,
 ) -> DecodedCloud:
-    """Decode a cloud file as `read_points` does, and sample the surface if it is a mesh.
+    """Decode a cloud file as `read_points` does, with its brightness, and sample meshes.
 
     Parameters
     ----------
@@ -51,9 +55,9 @@ def read_surface(
     CloudFileError
         The file cannot be read, or has no surface of which so many samples can be taken.
     """
+    cloud = _read_with_brightness(path, limits, **choices)
     if surface_samples == 0:
-        return read_points(path, limits, **choices)
-    cloud = read_points(path, limits, **choices, faces=True)
+        return cloud
     shares = _areas(cloud)
     if shares is None:
         if surface_samples is not None:
@@ -67,6 +71,21 @@ def read_surface(
     if count > most:
         raise FileLimitError(f"surface_samples is {count}; the limit is {most} points")
     return _sample(cloud, shares, count)
+
+
+def _read_with_brightness(
+    path: str | Path, limits: ReadLimits | None, *, attributes: bool = False, **choices: Any
+) -> DecodedCloud:
+    """Read points, faces, colour and intensity; the attributes are kept on request alone."""
+    try:
+        cloud = read_points(path, limits, **choices, attributes=True)
+    except CloudFileError:  # perhaps in an attribute
+        return read_points(path, limits, **choices, attributes=attributes, faces=True)
+    cloud = replace(cloud, brightness=find_brightness(cloud.attributes))
+    if attributes:
+        return cloud
+    warnings = tuple(text for text in cloud.warnings if not _ABOUT_ATTRIBUTES.search(text))
+    return replace(cloud, attributes={}, las=None, warnings=warnings)
 
 
 def _areas(cloud: DecodedCloud) -> NDArray[np.float64] | None:
@@ -115,6 +134,10 @@ def _sample(cloud: DecodedCloud, areas: NDArray[np.float64], count: int) -> Deco
         points=_mix(cloud.points, corners, shares),
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         attributes={},
+        brightness={
+            kind: _mix(values, corners, shares).astype(np.float32)
+            for kind, values in cloud.brightness.items()
+        },
         weights=None if cloud.weights is None else _mix(cloud.weights, corners, shares),
         faces=None,
         warnings=(*cloud.warnings, text),

@@ -17,6 +17,7 @@ from service.storage.plain_file import is_plain_file
 
 _MISS = (OSError, KeyError)  # KeyError: an entry in the layout of an earlier build
 DIRECTORY = "prepared"
+_BRIGHTNESS = "brightness_"
 
 
 def decoded_path(data_dir: Path, tenant: str, sha256: str) -> Path:
@@ -34,8 +35,8 @@ def load_or_decode(
     entry : Path
         Path of the entry, see `decoded_path`.
     decode : callable
-        Returns the cloud when it is not cached; points, rows, format, warnings and coordinate
-        system are kept.
+        Returns the cloud when it is not cached; points, rows, brightness, format, warnings and
+        coordinate system are kept.
     scratch : Path
         Folder for the new entry, which has the same file name; see `DecodedCache.adopt`.
     max_points : int
@@ -51,6 +52,11 @@ def load_or_decode(
                 header["format"],
                 tuple(header["warnings"]),
                 rows=arrays.get("rows"),
+                brightness={
+                    name.removeprefix(_BRIGHTNESS): arrays[name]
+                    for name in arrays
+                    if name.startswith(_BRIGHTNESS)
+                },
                 crs=tuple(
                     LasRecord(user, kind, text, bytes.fromhex(data))
                     for user, kind, text, data in header["crs"]
@@ -62,6 +68,7 @@ def load_or_decode(
     header |= {"count": len(cloud.points), "max_points": max_points}
     columns: dict[str, Any] = {"points": cloud.points}
     columns |= {} if cloud.rows is None else {"rows": cloud.rows}
+    columns |= {_BRIGHTNESS + kind: values for kind, values in cloud.brightness.items()}
     with (scratch / entry.name).open("wb") as file:
         np.savez(file, header=np.array(json.dumps(header)), **columns)
     return cloud

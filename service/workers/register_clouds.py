@@ -11,7 +11,13 @@ import numpy as np
 from mpe_core import RegistrationOptions
 from service.clouds.file_rows import in_file_rows
 from service.clouds.inputs import CloudInput
-from service.formats import CloudFileError, DecodedCloud, read_surface, warn_unlike
+from service.formats import (
+    CloudFileError,
+    DecodedCloud,
+    common_brightness,
+    read_surface,
+    warn_unlike,
+)
 from service.storage.blobs import blob_path
 from service.storage.decoded_cache import decoded_path, load_or_decode
 from service.workers.messages import MAX_WARNINGS, Succeeded, clip
@@ -109,12 +115,15 @@ class RegisterClouds(Task):
         from mpe_core import register
 
         numba.set_num_threads(min(self.environment.threads, numba.config.NUMBA_NUM_THREADS))
+        source_colors, target_colors = common_brightness(source, target)
         registration: Registration = register(
             source.points,
             target.points,
             RegistrationOptions(**self.options),
             source_weights=source.weights,
             target_weights=target.weights,
+            source_colors=source_colors,
+            target_colors=target_colors,
             on_progress=lambda stage, fraction: report.send(
                 stage, DECODING_SHARE + (1 - DECODING_SHARE) * fraction
             ),
