@@ -28,8 +28,8 @@ from mpe_core.search.pose_search import SEARCH_LEVELS
 
 Array = NDArray[np.float64]
 
-LEVELS = SEARCH_LEVELS[:1]
-"""Levels of the search over reliefs: patterns that match are found at once."""
+LEVELS = SEARCH_LEVELS[:2]
+"""Levels of the search over reliefs; the first alone misses some tubes."""
 
 SETTLED = CodedWarning(
     "settled_by_color",
