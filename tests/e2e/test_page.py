@@ -72,8 +72,7 @@ def test_the_walk_from_two_files_to_a_verdict(
         assert share_unlike(before, after) > 0.01
         page.get_by_role("button", name="After").click()
         wait_for_view(page)
-        page.select_option("#colors", "distance")
-        by_distance = pixels(wait_for_view(page))
+        by_distance = wait_for_frame(page, lambda: page.select_option("#colors", "distance"))
         assert share_unlike(by_distance, after) > 0.01
         assert page.locator("#range").input_value()
         keep_screenshot(page, "distances")

@@ -96,7 +96,7 @@ def wait_for_view(page: Page, share: int = 1) -> Locator:
     return page.locator(".stage3d canvas")
 
 
-def wait_for_frame(page: Page, act: Callable[[], None]) -> NDArray[np.uint8]:
+def wait_for_frame(page: Page, act: Callable[[], object]) -> NDArray[np.uint8]:
     """What the canvas shows after an act that draws it anew."""
     stage = page.locator(".stage3d")
     drawn = stage.get_attribute("data-frames")
