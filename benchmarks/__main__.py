@@ -5,6 +5,7 @@ from benchmarks.closure import CLOSURE
 from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
 from benchmarks.families import FAMILIES_EXPERIMENT
+from benchmarks.free_space import FREE_SPACE_EXPERIMENT
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
 from benchmarks.kinds import KINDS_EXPERIMENT
@@ -24,6 +25,7 @@ if __name__ == "__main__":
             PARTS,
             SCENES_EXPERIMENT,
             FAMILIES_EXPERIMENT,
+            FREE_SPACE_EXPERIMENT,
             KINDS_EXPERIMENT,
             CLOSURE,
             CONFIDENCE,

@@ -30,10 +30,10 @@ from mpe_core.assess.confidence import (
     MAX_CONTRAST,
     MIN_COVERAGE,
 )
-from mpe_core.clouds.normalize import normalize_pair
-from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.pipeline import PosePipeline, ScoredPose
+from mpe_core.refine.minimum import Minimum
+from mpe_core.rigid_registration import prepare_pair
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import QUICK, THOROUGH, are_close
 from tests.factories.checks import pose_error
@@ -125,16 +125,20 @@ def _case_of(pair: WorldPair) -> Case:
 def _rows(case: Case) -> Iterator[Result]:
     """Yield what is measured of each pose, without viewpoints and with those that are known."""
     options = RegistrationOptions()
-    centred = normalize_pair(validate_cloud(case.source), validate_cloud(case.target))
-    pipelines = [
-        PosePipeline(*prepare_clouds(centred, known), PosePrior(), known, centred.size_ratio)
-        for known in (options, case.viewpoints)
-        if known is not None
-    ]
-    poses = _poses(pipelines[0], None if case.truth is None else centred.from_caller(case.truth))
-    right = [_is_right(case, centred.to_caller(pose.minimum.T)) for pose in poses]
-    for pipeline in pipelines:
-        scored = [ScoredPose(pose.minimum, pipeline.scorer.score(pose.minimum.T)) for pose in poses]
+    source, target = validate_cloud(case.source), validate_cloud(case.target)
+    for known in (options, case.viewpoints):
+        if known is None:
+            continue
+        pair, clouds = prepare_pair(source, target, known)
+        pipeline = PosePipeline(*clouds, PosePrior(), known, pair.size_ratio)
+        if known is options:
+            truth = None if case.truth is None else pair.from_caller(case.truth)
+            found = [pair.to_caller(pose.minimum.T) for pose in _poses(pipeline, truth)]
+        right = [_is_right(case, T) for T in found]
+        scored = []
+        for T in found:
+            at = pair.from_caller(T)
+            scored.append(ScoredPose(Minimum(at, True, 0), pipeline.scorer.score(at)))
         for pose, correct in zip(pipeline.compare(scored), right, strict=True):
             evidence = asdict(pose.evidence)
             yield {

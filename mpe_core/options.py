@@ -122,6 +122,10 @@ class RegistrationOptions:
     target_viewpoint: Vector | None = None
     """Position of the scanner in the target's frame."""
 
+    ignore_file_viewpoints: bool = False
+    """Whether the scanners' positions that both files tell are not used. By default they are where
+    source_viewpoint is not given, and a warning tells so. Arrays tell none."""
+
     keep_no_data: bool = False
     """Whether rows that look like no measurement are kept: (0, 0, 0) three times or more, values
     far from all others like -9999, beams without echo at the largest range, and all but one of many
@@ -157,7 +161,7 @@ class RegistrationOptions:
         _check_positive("overlap", self.overlap, maximum=1)
         _check_positive("inlier_threshold", self.inlier_threshold)
         _check_positive("voxel_size", self.voxel_size)
-        for name in ("yaw_only", "keep_no_data"):
+        for name in ("yaw_only", "keep_no_data", "ignore_file_viewpoints"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidOptionsError(
                     f"{name} must be true or false, got {getattr(self, name)!r}"

@@ -49,9 +49,9 @@ some of their points (docs/tuning.md)."""
 LEVELLED_CANDIDATES = 48
 """Candidates of the levelled search that are refined shortly."""
 
-AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_MARGIN_ON_SURFACE = 0.08, 0.05
-"""Surface agreement and on-surface fraction by which a pose may fall short of the best one and
-still fit as well. On real pairs, the next best pose falls short by more (docs/tuning.md)."""
+AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_SHARE_ON_SURFACE = 0.05, 0.75
+"""Surface agreement by which a pose may fall short of the best one, and share of its on-surface
+fraction from which on, to fit as well: two views of a carton or of a bare room (docs/tuning.md)."""
 
 AMBIGUITY_SCORE, AMBIGUITY_ON_SURFACE = 1.5, 0.2
 """Score and on-surface fraction by which a pose that would be accepted by itself may fall short of
@@ -140,7 +140,7 @@ class PosePipeline:
             is_told = self._free_space is not None and self._has_convincing(
                 self.compare(poses), level
             )
-            if level is SEARCH_LEVELS[0] and self._layers is not None and not is_told:
+            if level.with_levelled and self._layers is not None and not is_told:
                 self._search_levelled(poses, progress)
             poses = self.compare(poses)
             if self._has_convincing(poses, level):
@@ -345,5 +345,5 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
         return True
     return (
         other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
-        and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_MARGIN_ON_SURFACE
+        and other.on_surface_fraction > AMBIGUITY_SHARE_ON_SURFACE * best.on_surface_fraction
     )

@@ -20,8 +20,13 @@ from mpe_core.assess.outline import keep_level, weigh_outline
 from mpe_core.assess.volume import doubt_fit_everywhere, find_exact_pose, may_fill_volume
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.flat import Plane, draw_outline, find_plane, lay_flat
+from mpe_core.clouds.near_part import (
+    find_near_radius,
+    keep_near_part,
+    shows_surface_within,
+)
 from mpe_core.clouds.normalize import CloudPair, normalize_pair
-from mpe_core.clouds.preprocess import prepare_clouds
+from mpe_core.clouds.preprocess import PreparedCloud, prepare_clouds
 from mpe_core.clouds.validate import Cloud, validate_cloud
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.geometry.rigid import apply, inverse
@@ -31,6 +36,7 @@ from mpe_core.pipeline import PosePipeline, ScoredPose, select_distinct
 from mpe_core.progress import Progress
 from mpe_core.refine.covariance import PoseUncertainty, paired_points_uncertainty
 from mpe_core.refine.minimum import Minimum
+from mpe_core.refine.regime import choose_regime
 from mpe_core.result import Registration
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import SEARCH_LEVELS, SearchLevel
@@ -83,9 +89,7 @@ def register_rigidly(
         Whether points have to meet points of the same local shape.
     """
     with progress.stage("prepare") as report:
-        pair = normalize_pair(source, target)
-        report(0.3)
-        clouds = prepare_clouds(pair, options)
+        pair, clouds = prepare_pair(source, target, options)
         report(0.8)
         prior = PosePrior.from_options(options, pair)
         pipeline = PosePipeline(
@@ -153,6 +157,33 @@ def describe_pose(
     )
     warnings = describe_warnings(pair, best.evidence, result)
     return Attempt(replace(result, warnings=warnings), best, pipeline, pair)
+
+
+def prepare_pair(
+    source: Cloud, target: Cloud, options: RegistrationOptions
+) -> tuple[CloudPair, tuple[PreparedCloud, PreparedCloud]]:
+    """Normalize and thin both clouds; of long narrow ones the part around the scanner."""
+    pair = normalize_pair(source, target)
+    clouds = prepare_clouds(pair, options)
+    if not (pair.is_uneven or choose_regime(*clouds).is_noisy):
+        return pair, clouds
+    near = _keep_near_parts(pair, options)
+    return (pair, clouds) if near is pair else (near, prepare_clouds(near, options))
+
+
+def _keep_near_parts(pair: CloudPair, options: RegistrationOptions) -> CloudPair:
+    """Return the pair without the far parts of long narrow clouds, or the same pair."""
+    viewpoints = options.source_viewpoint, options.target_viewpoint
+    clouds = list(zip((pair.source_cloud, pair.target_cloud), viewpoints, strict=True))
+    found = [
+        find_near_radius(cloud, radius, viewpoint)
+        for (cloud, viewpoint), radius in zip(clouds, pair.radii(), strict=True)
+    ]
+    reach = min((radius for radius in found if radius is not None), default=None)
+    if reach is None or not all(shows_surface_within(cloud, reach, at) for cloud, at in clouds):
+        return pair
+    source, target = (keep_near_part(cloud, reach, at) for cloud, at in clouds)
+    return normalize_pair(source, target)
 
 
 def _find_poses(

@@ -18,12 +18,16 @@ from mpe_core.refine.scale import ScaleStep, estimate_scale_step
 from mpe_core.refine.swapped import SwappedPointToPlane
 from mpe_core.result import CodedWarning, Registration
 from mpe_core.rigid_registration import Attempt, register_rigidly
-from mpe_core.search.pose_search import SEARCH_LEVELS, SearchLevel
+from mpe_core.search.pose_search import QUICK, SEARCH_LEVELS
 
 Array = NDArray[np.float64]
 
 QUICK_LEVELS = SEARCH_LEVELS[:2]
 """Levels of the search at a scale that is only tried."""
+
+MIRROR_LEVELS = (replace(QUICK, with_levelled=False),)
+"""Levels of the search with a mirrored source: what is accepted mirrored is found by it, and more
+doubles the time of a pair that is not (docs/tuning.md)."""
 
 FREE_RATIOS = (1.0, 0.8, 1.25, 0.64, 1.56)
 """Scales that "free" starts from, over the ratio of the radii; the search bears a tenth."""
@@ -31,8 +35,9 @@ FREE_RATIOS = (1.0, 0.8, 1.25, 0.64, 1.56)
 GRID_STEP, MAX_GRID = 1.15, 24
 """Ratio between the scales that a range starts from, and their largest number."""
 
-SURE_CONFIDENCE = 0.97
-"""Confidence from which on the scale is not doubted: street scans of the right one have 0.99."""
+SURE_CONFIDENCE = 0.985
+"""Confidence from which on the scale is not doubted: street scans of the right one have 0.996, of
+0.93 up to 0.979."""
 
 MIN_WRONG_SCALE, MIN_GAIN = 0.03, 1.15
 """Logarithm of the scale next to an accepted pose, and gain of the points on the surface, from
@@ -159,7 +164,7 @@ def _other_hand(
     source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> CodedWarning | None:
     """Name the other hand where the mirrored source fits clearly better than an accepted pose."""
-    trial = _register_mirrored(source, target, options, progress, QUICK_LEVELS[:1])
+    trial = _register_mirrored(source, target, options, progress)
     before, after = first.best.evidence, trial.best.evidence
     is_better = after.sort_key > before.sort_key
     return MIRRORED if is_better and after.log_odds > before.log_odds + MIRROR_LOG_ODDS else None
@@ -184,16 +189,12 @@ def _name_cause(
                 f" the source in {guess.source} and the target in {guess.target}. Convert both to"
                 ' one unit, or set scale to "units"',
             )
-    trial = _register_mirrored(source, target, options, progress, QUICK_LEVELS)
+    trial = _register_mirrored(source, target, options, progress)
     return MIRRORED if trial.found.accepted else None
 
 
 def _register_mirrored(
-    source: Cloud,
-    target: Cloud,
-    options: RegistrationOptions,
-    progress: Progress,
-    levels: Sequence[SearchLevel],
+    source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
 ) -> Attempt:
     """Register the source with x turned to -x, and what the caller knows of it."""
     gravity, viewpoint = (
@@ -201,7 +202,7 @@ def _register_mirrored(
         for v in (options.source_gravity, options.source_viewpoint)
     )
     options = replace(options, source_gravity=gravity, source_viewpoint=viewpoint)
-    return register_rigidly(source.mirrored(), target, options, progress, levels=levels)
+    return register_rigidly(source.mirrored(), target, options, progress, levels=MIRROR_LEVELS)
 
 
 def _register_free(

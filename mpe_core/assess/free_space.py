@@ -63,8 +63,26 @@ class FreeSpace:
 
 
 def _violation(image: RangeImage, points: Array) -> float:
-    ranges, seen, is_seen = image.look_up(points)
-    in_front = is_seen & (ranges < (1 - RANGE_MARGIN) * seen)
-    visible = is_seen & (ranges < (1 + RANGE_MARGIN) * seen)
+    in_front, visible = compare_with(image, points)
     compared = max(int(visible.sum()), MIN_COMPARED)
     return float(in_front.sum() / compared)
+
+
+def compare_with(image: RangeImage, points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell which points (N, 3) stand in what a scanner saw through, and which are not hidden.
+
+    Parameters
+    ----------
+    image
+        What the scanner saw.
+    points
+        Points of the other scan, in the frame of the image.
+
+    Returns
+    -------
+    in_front, visible
+        (N,) clearly in front of what was seen in their direction; not behind it.
+    """
+    ranges, seen, is_seen = image.look_up(points)
+    in_front = is_seen & (ranges < (1 - RANGE_MARGIN) * seen)
+    return in_front, is_seen & (ranges < (1 + RANGE_MARGIN) * seen)

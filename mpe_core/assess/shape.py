@@ -24,7 +24,10 @@ MIN_POINTS = 25
 
 def tells_shape(variation: Variation) -> bool:
     """Whether the surface variation (N,) of a cloud tells bent places from flat ones."""
-    low, high = np.sqrt(np.quantile(np.maximum(variation, FLAT_VARIATION), (0.25, 0.95)))
+    known = variation[~np.isnan(variation)]
+    if len(known) < MIN_POINTS:
+        return False
+    low, high = np.sqrt(np.quantile(np.maximum(known, FLAT_VARIATION), (0.25, 0.95)))
     return bool(high > MIN_SPREAD * low)
 
 
@@ -39,6 +42,8 @@ def shape_correlation(moving: Variation, fixed: Variation) -> float:
     float
         From -1 to 1; 0 if too few points meet, or if all are alike.
     """
+    known = ~np.isnan(moving) & ~np.isnan(fixed)
+    moving, fixed = moving[known], fixed[known]
     if len(moving) < MIN_POINTS:
         return 0.0
     a, b = (rankdata(np.maximum(each, FLAT_VARIATION)) for each in (moving, fixed))

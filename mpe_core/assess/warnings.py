@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from mpe_core.assess.confidence import CONVINCING_LAYER_SUPPORT, Evidence
+from mpe_core.assess.motion_words import describe_alternatives, describe_free_directions
 from mpe_core.clouds.no_data import Kind
 from mpe_core.clouds.normalize import CloudPair
 from mpe_core.result import CodedWarning, Registration, WarningCode
@@ -47,7 +50,7 @@ def describe_warnings(
         *_about_clouds(pair),
         *_about_convergence(result),
         *_about_trust(pair, evidence),
-        *_about_ambiguity(result),
+        *_about_ambiguity(pair, result),
         *_about_inliers(result),
     )
 
@@ -106,18 +109,23 @@ def _about_contradictions(evidence: Evidence) -> Iterator[CodedWarning]:
         )
 
 
-def _about_ambiguity(result: Registration) -> Iterator[CodedWarning]:
+def _about_ambiguity(pair: CloudPair, result: Registration) -> Iterator[CodedWarning]:
     if result.ambiguous:
+        differ = describe_alternatives(
+            result.T_target_source, result.alternatives, pair.source_centre
+        )
         yield CodedWarning(
             "ambiguous",
-            f"{len(result.alternatives)} other poses fit as well (see alternatives): the shape is"
-            " symmetric, or slides on itself",
+            f"{len(result.alternatives)} other poses fit as well (see alternatives), for instance"
+            f" {differ}: the shape is symmetric or repeats, or shows too little that tells them"
+            " apart",
         )
     if len(result.free_directions):
+        unit = result.free_directions / np.array([1.0] * 3 + [pair.unit] * 3)
         yield CodedWarning(
             "free_directions",
             f"the pose is undetermined in {len(result.free_directions)} of 6 directions (see"
-            " free_directions): the surfaces slide on themselves",
+            f" free_directions): the source {describe_free_directions(unit)}",
         )
 
 

@@ -30,6 +30,14 @@ CELL_EDGE_FACTOR = 2.0
 """Edge of the cells of a cell list over the reach of its queries. Larger cells come in fewer runs
 of more points, which suits planes best (docs/tuning.md)."""
 
+MAX_MEAN_SHIFT = 0.22
+"""Distance of the neighbours' mean from a point, in radii of the neighbourhood, from which on the
+point lies at a border: half a disc has 0.42 (docs/tuning.md)."""
+
+MIN_SHAPE_POINTS = 15
+"""Neighbours from which on the surface variation tells shape: that of fewer is smaller, and so
+tells how densely a scanner measured (docs/tuning.md)."""
+
 MIN_BUCKETED_POINTS = 200_000
 """Points from which on sorting them by bucket pays for nearest-point queries (docs/tuning.md)."""
 
@@ -106,6 +114,14 @@ class LocalPlanes:
     """(N,) number of points in the neighborhood."""
     offsets: Points
     """(N,) distance of the plane from the query along the normal."""
+    mean_shifts: Points
+    """(N,) distance of the points' mean from the query along the plane: at the border of a cloud
+    all neighbours lie to one side."""
+
+    def comparable_variation(self, radius: float) -> Points:
+        """(N,) surface variation; NaN at the border of the cloud, and where few points lie."""
+        unsure = (self.mean_shifts > MAX_MEAN_SHIFT * radius) | (self.counts < MIN_SHAPE_POINTS)
+        return np.where(unsure, np.float32(np.nan), self.surface_variation)
 
     def project(self, queries: Points) -> Points:
         """Return the queries (N, 3) projected onto their planes."""

@@ -82,7 +82,7 @@ def neighborhood_moments(qx, qy, qz, limit, px, py, pz):
 
 
 @njit(
-    "Tuple((float32[:, ::1], float32[::1], float32[::1], int32[::1], float32[::1]))"
+    "Tuple((float32[:, ::1], float32[::1], float32[::1], int32[::1], float32[::1], float32[::1]))"
     f"(float32[:, ::1], float32, {CELLS})",
     cache=True,
     parallel=True,
@@ -106,6 +106,7 @@ def local_planes(queries, radius, cells):
     (N,) standard deviation of the points from the plane.
     (N,) number of points.
     (N,) distance of the plane from the query along the normal.
+    (N,) distance of the points' mean from the query along the plane.
     """
     n = queries.shape[0]
     normals = np.zeros((n, 3), np.float32)
@@ -113,6 +114,7 @@ def local_planes(queries, radius, cells):
     plane_std = np.full(n, radius)
     counts = np.zeros(n, np.int32)
     offsets = np.zeros(n, np.float32)
+    mean_shifts = np.zeros(n, np.float32)
     limit = radius * radius
     columns = cells[0]
     x, y, z = columns[0], columns[1], columns[2]
@@ -146,4 +148,6 @@ def local_planes(queries, radius, cells):
             surface_variation[i] = low / max(low + middle + high, 1e-30)
             plane_std[i] = np.sqrt(low)
             offsets[i] = mx * ax + my * ay + mz * az
-    return normals, surface_variation, plane_std, counts, offsets
+            across = mx * mx + my * my + mz * mz - offsets[i] * offsets[i]
+            mean_shifts[i] = np.sqrt(max(across, 0.0))
+    return normals, surface_variation, plane_std, counts, offsets, mean_shifts

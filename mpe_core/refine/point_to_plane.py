@@ -97,12 +97,12 @@ class PointToPlane:
     @cached_property
     def variation(self) -> Points:
         """(N,) surface variation of the moving cloud around the points of the sample."""
-        return self._own_planes(self._sample).surface_variation
+        return self._own_planes(self._sample).comparable_variation(self.radius)
 
     @cached_property
     def variation_of_subset(self) -> Points:
         """(n,) surface variation around the points that `match_after_short_refinement` takes."""
-        return self._own_planes(self._subset).surface_variation
+        return self._own_planes(self._subset).comparable_variation(self.radius)
 
     @cached_property
     def variation_of_fixed(self) -> Points:

@@ -74,7 +74,7 @@ class TargetPlanes:
             (N, 3) unit normals; zero where too few points lie around. They point to the viewpoint,
             or to either side if it is unknown.
         variation
-            (N,) surface variation around each point.
+            (N,) surface variation around each point; NaN at the border of the cloud.
         """
         new = np.unique(rows[~self._is_fitted[rows]])
         if len(new):
@@ -84,7 +84,7 @@ class TargetPlanes:
             if self._viewpoint is not None:
                 normals = orient_normals(points, normals, self._viewpoint)
             self._feet[new], self._normals[new] = planes.project(points), normals
-            self._variation[new] = planes.surface_variation
+            self._variation[new] = planes.comparable_variation(self.radius)
             self._is_fitted[new] = True
         return self._feet[rows], self._normals[rows], self._variation[rows]
 
@@ -92,7 +92,7 @@ class TargetPlanes:
         """(N,) surface variation at some of the points."""
         return self.cells.planes(
             take_every(self.cells.points, SPACING_SUBSET_POINTS)
-        ).surface_variation
+        ).comparable_variation(self.radius)
 
     def point_spacing(self) -> float:
         """Distance between neighbouring points, estimated from the number within the radius."""

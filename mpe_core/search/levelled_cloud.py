@@ -106,11 +106,17 @@ class LevelledCloud:
         """Largest distance of a point from the centre."""
         return float(np.sqrt(np.square(self.xy - self.centre).sum(axis=1).max()))
 
+    @cached_property
+    def _standing(self) -> tuple[Array, Layers]:
+        """Positions (K, 2) and layers (K,) of the points that lie in a layer."""
+        standing = (self.layer >= 0) & (self.layer < LAYERS)
+        return self.xy[standing], self.layer[standing]
+
     def count_occupied(self) -> int:
         """Count the cells of all layers that hold points."""
-        standing = (self.layer >= 0) & (self.layer < LAYERS)
-        cells = np.floor(self.xy[standing] / CELL_SIZE).astype(np.int64)
-        return len(np.unique(np.column_stack([cells, self.layer[standing]]), axis=0))
+        xy, layer = self._standing
+        cells = np.floor(xy / CELL_SIZE).astype(np.int64)
+        return len(np.unique(np.column_stack([cells, layer]), axis=0))
 
     def draw(self, A: Array, b: Array, cells: int, cell_size: float = CELL_SIZE) -> OccupancyGrids:
         """Draw the cloud moved by x -> A x + b into grids whose corner is the origin.
@@ -125,22 +131,18 @@ class LevelledCloud:
             Edge of a cell.
         """
 
-        def drawn(xy: Array, layer: Layers) -> Grid:
-            standing = (layer >= 0) & (layer < LAYERS)
-            return _draw(np.einsum("ij,nj->ni", A, xy[standing]) + b, layer[standing])
+        def drawn(xy: Array, layer: Layers | int, layers: int = LAYERS) -> Grid:
+            grid = np.zeros((layers, cells * cells), np.bool_)
+            x, y = ((A[k] @ xy.T + b[k]) / cell_size for k in range(2))
+            inside = (x >= 0) & (x < cells) & (y >= 0) & (y < cells)
+            number = x.astype(np.int64) * cells + y.astype(np.int64)
+            grid[layer if isinstance(layer, int) else layer[inside], number[inside]] = True
+            return grid.reshape(layers, cells, cells)
 
-        def _draw(xy: Array, layer: Layers) -> Grid:
-            grid = np.zeros((LAYERS, cells, cells), np.bool_)
-            index = np.floor(xy / cell_size).astype(np.int64)
-            inside = ((index >= 0) & (index < cells)).all(axis=1)
-            index = index[inside]
-            grid[layer[inside], index[:, 0], index[:, 1]] = True
-            return grid
-
-        occupied = drawn(self.xy, self.layer)
+        occupied = drawn(*self._standing)
         grown = _grow(occupied)
         if self.free_xy is None or self.free_layer is None:
-            shown = drawn(self.xy, np.zeros_like(self.layer))[:1]
+            shown = drawn(self.xy, 0, 1)
         else:
             shown = drawn(self.free_xy, self.free_layer)
         return OccupancyGrids(occupied, grown, shown & ~grown)

@@ -74,6 +74,8 @@ class SearchLevel:
     """Rounds of descents, in order."""
     stop_confidence: float
     """Confidence of a refined pose that ends the search."""
+    with_levelled: bool = False
+    """Whether the search for levelled scenes follows, if nothing is found."""
 
 
 QUICK = SearchLevel(
@@ -88,6 +90,7 @@ QUICK = SearchLevel(
         AnnealingStage(points=2000, start_eps=0.06, end_eps=0.02, steps=10, keep=4),
     ),
     stop_confidence=0.9,
+    with_levelled=True,
 )
 THOROUGH = SearchLevel(
     rotations=1152,

@@ -21,6 +21,7 @@ from service.cli.progress import show_progress
 from service.clouds.aligned import Measure, write_aligned
 from service.clouds.deviation import build_surface, move_points
 from service.clouds.file_rows import in_file_rows
+from service.clouds.file_viewpoints import with_file_viewpoints
 from service.clouds.inputs import CLOUD_ROLES
 from service.formats import (
     WRITERS,
@@ -97,6 +98,7 @@ def _align(arguments: argparse.Namespace) -> int:
     options = parse_options(arguments)
     output_format = _output_format(arguments.output)
     source, target = (_read(role, arguments) for role in CLOUD_ROLES)
+    options, places = with_file_viewpoints(options, source, target)
     source_colors, target_colors = common_brightness(source, target)
     with show_progress() as on_progress:
         registration = register(
@@ -114,7 +116,8 @@ def _align(arguments: argparse.Namespace) -> int:
     written = _write(arguments, output_format, registration, options, source, target)
     if arguments.report:
         _write_report(arguments, registration, options, source, target)
-    for warning in (*source.warnings, *target.warnings, *registration.warnings, *written):
+    read = *source.warnings, *target.warnings, *places
+    for warning in (*read, *registration.warnings, *written):
         print(f"mpe: warning: {warning}", file=sys.stderr)
     print(_document(registration) if arguments.json else _summary(source, target, registration))
     return EXIT_OK if registration.accepted else EXIT_NOT_ACCEPTED

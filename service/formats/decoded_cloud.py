@@ -26,7 +26,8 @@ class DecodedCloud:
     normals: NDArray[np.floating] | None = None
     """(N, 3) as stored, where the file has them; not normalised."""
     viewpoint: tuple[float, ...] | None = None
-    """Sensor pose of a PCD file: tx, ty, tz, qw, qx, qy, qz."""
+    """Pose of the scanner that measured all points, in their frame, where the file tells it: tx,
+    ty, tz, qw, qx, qy, qz."""
     attributes: dict[str, NDArray[np.generic]] = field(default_factory=dict)
     """(N,) columns beside the coordinates by their names in the file; only if requested."""
     weights: NDArray[np.generic] | None = None
@@ -43,6 +44,18 @@ class DecodedCloud:
     """(N,) colour and intensity as `find_brightness` names them; only as `read_surface` reads."""
     mesh: DecodedCloud | None = None
     """The mesh whose surface the points are samples of."""
+
+    @property
+    def scanner_position(self) -> tuple[float, float, float] | None:
+        """Position of the scanner; None if the file does not tell it, as PCD's default does not."""
+        if self.viewpoint is None or (self.format == "pcd" and self.viewpoint == UNMOVED):
+            return None
+        x, y, z, *_ = self.viewpoint
+        return x, y, z
+
+
+UNMOVED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""Pose of a scanner in its own frame."""
 
 
 PIECE_BYTES = 32 << 20

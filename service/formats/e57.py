@@ -24,7 +24,7 @@ from service.formats.errors import (
     short_reason,
 )
 from service.formats.libraries import import_library
-from service.formats.multi_scan import select_scans
+from service.formats.multi_scan import select_scans, to_viewpoint
 
 MAGIC = b"ASTM-E57"
 _MAX_XML_BYTES = 16 << 20
@@ -74,6 +74,7 @@ def read_pieces(
         check_density(total, path.stat().st_size, f"{len(headers)} scans")
         wanted, warnings = select_scans(len(headers), scan)
         fields = select_fields([headers[i] for i in wanted]) if attributes else Fields()
+        viewpoint = _read_viewpoint(headers[wanted[0]]) if len(wanted) == 1 else None
         for i in wanted:
             for points, columns in _iter_scan(file, headers[i], fields):
                 kept = {name: columns[field] for name, field in fields.names.items()}
@@ -87,7 +88,13 @@ def read_pieces(
     empty: dict[str, NDArray[np.generic]] = {
         name: np.empty(0, fields.types[field]) for name, field in fields.names.items()
     }
-    yield DecodedCloud(np.empty((0, 3)), "e57", warnings + fields.warnings, attributes=empty)
+    yield DecodedCloud(
+        np.empty((0, 3)),
+        "e57",
+        warnings + fields.warnings,
+        viewpoint=viewpoint,
+        attributes=empty,
+    )
 
 
 def _check_header(path: Path) -> None:
@@ -191,6 +198,16 @@ def _iter_scan(
         yield points, kept
     if count != header.point_count:
         raise TruncatedFileError(f"a scan holds {count} of {header.point_count} announced points")
+
+
+def _read_viewpoint(header: Any) -> tuple[float, ...] | None:
+    """Pose of the scanner of a scan that has a grid or a pose: others may be merged clouds."""
+    T = np.eye(4)
+    if header.has_pose():
+        T[:3, :3], T[:3, 3] = header.rotation_matrix, header.translation
+    elif not {"rowIndex", "columnIndex"} <= set(header.point_fields):
+        return None
+    return to_viewpoint(T)
 
 
 def _to_cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:

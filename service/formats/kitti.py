@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
+from service.formats.decoded_cloud import (
+    UNMOVED,
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    iter_ranges,
+)
 from service.formats.errors import MalformedFileError
 from service.formats.memory_map import map_file
 
@@ -85,7 +91,8 @@ def _read_rows(
     if attributes:
         others = zip(names, rows[:, 3:].T, strict=False)
         kept = {name: column.astype(np.float32) for name, column in others}
-    return DecodedCloud(rows[:, :3].astype(np.float32), "kitti", attributes=kept)
+    points = rows[:, :3].astype(np.float32)
+    return DecodedCloud(points, "kitti", viewpoint=UNMOVED, attributes=kept)
 
 
 def _check_intensities(column: NDArray[np.float32]) -> None:

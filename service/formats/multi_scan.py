@@ -1,8 +1,15 @@
-"""Selection of scans from files that hold several."""
+"""Files that hold several scans: which are read, and from where each was measured."""
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from service.formats.errors import MalformedFileError
+
+_RIGID_TOL = 1e-3
+"""Deviation of the determinant from 1 up to which a matrix is taken for a pose."""
 
 
 def select_scans(count: int, scan: int | None) -> tuple[range, tuple[str, ...]]:
@@ -35,3 +42,11 @@ def select_scans(count: int, scan: int | None) -> tuple[range, tuple[str, ...]]:
         return range(scan, scan + 1), ()
     warnings = (f"{count} scans are merged; set 'scan' to read one",) if count > 1 else ()
     return range(count), warnings
+
+
+def to_viewpoint(T: NDArray[np.float64]) -> tuple[float, ...] | None:
+    """Return tx, ty, tz, qw, qx, qy, qz of the pose (4, 4) of a scanner; None if it is none."""
+    if not np.isfinite(T).all() or abs(np.linalg.det(T[:3, :3]) - 1) > _RIGID_TOL:
+        return None
+    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat().tolist()
+    return (*T[:3, 3].tolist(), w, x, y, z)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import FileLimitError, MalformedFileError
-from service.formats.multi_scan import select_scans
+from service.formats.multi_scan import select_scans, to_viewpoint
 from service.formats.numerals import is_number
 from service.formats.text_table import read_columns
 
@@ -69,6 +69,7 @@ def read(
         The file is damaged or has no such scan; the message names the line.
     """
     scans: list[NDArray[np.float64]] = []
+    matrices: list[NDArray[np.float64]] = []
     names: tuple[str, ...] = ()
     offset, line, size = 0, 1, path.stat().st_size
     while offset < size:
@@ -95,12 +96,14 @@ def read(
         columns = range(3 + len(found))
         table = read_columns(path, offset, line, columns, limits, rows=count)
         scans.append(np.hstack([_transform(table[:, :3], header.matrix), table[:, 3:]]))
+        matrices.append(header.matrix.T)
         offset, line = _skip_lines(path, offset, count), line + count
     wanted, warnings = select_scans(len(scans), scan)
     width = 3 + len(names)
     merged = np.concatenate([scans[i][:, :width] for i in wanted])
     kept = {name: _to_own_type(name, merged[:, 3 + i]) for i, name in enumerate(names)}
-    return DecodedCloud(merged[:, :3], "ptx", warnings, attributes=kept)
+    viewpoint = to_viewpoint(matrices[wanted[0]]) if len(wanted) == 1 else None
+    return DecodedCloud(merged[:, :3], "ptx", warnings, viewpoint=viewpoint, attributes=kept)
 
 
 def _count_fields(path: Path, offset: int) -> int:

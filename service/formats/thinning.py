@@ -56,8 +56,10 @@ def thin_pieces(
     name, total = "", 0
     warnings: list[str] = []
     crs: tuple[LasRecord, ...] = ()
+    viewpoint: tuple[float, ...] | None = None
     for piece in pieces:
         warnings += piece.warnings
+        viewpoint = piece.viewpoint or viewpoint
         crs = piece.crs or crs
         if len(piece.points) == 0:
             continue
@@ -76,7 +78,7 @@ def thin_pieces(
         f"{thinning.edge:.3g}: the memory allowed holds {max_points}"
     )
     cloud = thinning.to_cloud(name, tuple(dict.fromkeys(warnings)), weights)
-    return replace(cloud, crs=crs)
+    return replace(cloud, crs=crs, viewpoint=viewpoint)
 
 
 @dataclass(slots=True)

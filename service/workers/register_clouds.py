@@ -10,6 +10,7 @@ import numpy as np
 
 from mpe_core import RegistrationOptions
 from service.clouds.file_rows import in_file_rows
+from service.clouds.file_viewpoints import with_file_viewpoints
 from service.clouds.inputs import CloudInput
 from service.formats import (
     CloudFileError,
@@ -70,9 +71,10 @@ class RegisterClouds(Task):
         with report.stage("decode"):
             source = self._decode("source", self.source)
             target = self._decode("target", self.target)
-        registration = self._register(source, target, report)
+        options, told = with_file_viewpoints(RegistrationOptions(**self.options), source, target)
+        registration = self._register(source, target, options, report)
         with report.stage("store"):
-            about_both = warn_unlike(source.crs, target.crs)
+            about_both = (*told, *warn_unlike(source.crs, target.crs))
             read = [clip(text) for text in (*source.warnings, *target.warnings, *about_both)]
             _write(registration, read[:MAX_WARNINGS], self.environment.scratch)
         warnings = [*read, *map(str, registration.warnings)]
@@ -108,7 +110,11 @@ class RegisterClouds(Task):
         return replace(decoded, warnings=tuple(f"{role}: {text}" for text in decoded.warnings))
 
     def _register(
-        self, source: DecodedCloud, target: DecodedCloud, report: ProgressReport
+        self,
+        source: DecodedCloud,
+        target: DecodedCloud,
+        options: RegistrationOptions,
+        report: ProgressReport,
     ) -> Registration:
         import numba
 
@@ -119,7 +125,7 @@ class RegisterClouds(Task):
         registration: Registration = register(
             source.points,
             target.points,
-            RegistrationOptions(**self.options),
+            options,
             source_weights=source.weights,
             target_weights=target.weights,
             source_colors=source_colors,

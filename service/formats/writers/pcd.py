@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from service.formats.colors import RGB, pack_colors
 from service.formats.column_names import find_normals
+from service.formats.decoded_cloud import UNMOVED
 from service.formats.writers.outgoing import Columns, Outgoing, to_rows
 from service.formats.writers.row_format import RowFormat
 
 _NORMALS = ("normal_x", "normal_y", "normal_z")
 _FORBIDDEN = re.compile(r"[\s\x00-\x1f\x7f]|^_$")
-_UNMOVED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def _encode(cloud: Outgoing) -> NDArray[np.void]:
@@ -44,7 +44,7 @@ def _header(cloud: Outgoing, rows: NDArray[np.void], count: int) -> bytes:
         f"COUNT {' '.join('1' for _ in codes)}",
         f"WIDTH {count}",
         "HEIGHT 1",
-        f"VIEWPOINT {' '.join(f'{value:.17g}' for value in cloud.viewpoint or _UNMOVED)}",
+        f"VIEWPOINT {' '.join(f'{value:.17g}' for value in cloud.viewpoint or UNMOVED)}",
         f"POINTS {count}",
         "DATA binary\n",
     ]

@@ -96,9 +96,9 @@ def accepted(street, *, near=False):
 
 def test_patches_of_ground_seldom_pass_where_they_do_not_belong(street, alone, monkeypatch):
     """Of eight six are found elsewhere, 4 to 15 m off; one of these is accepted."""
-    assert alone.count(False) <= 2
+    assert alone.count(False) <= 1
     monkeypatch.setattr("mpe_core.refine.covariance.count_degenerate", lambda information: 0)
-    assert accepted(street).count(False) >= 3, "the free directions make the difference"
+    assert accepted(street).count(False) >= 2, "the free directions make the difference"
 
 
 def test_who_says_where_to_look_has_patches_of_ground_accepted(street, alone):

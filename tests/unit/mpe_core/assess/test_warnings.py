@@ -10,6 +10,7 @@ from mpe_core.assess.confidence import Evidence
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.validate import validate_cloud
+from mpe_core.geometry.rigid import pose
 from tests.factories.clouds import knot
 
 GOOD, BAD = Evidence(1.0, 1.0, 1.0), Evidence(0.34, 0.1, 0.12)
@@ -42,8 +43,8 @@ def test_each_trouble_has_its_sentence_in_order(cloud, result):
         converged=False,
         iterations=30,
         ambiguous=True,
-        alternatives=np.zeros((2, 4, 4)),
-        free_directions=np.zeros((1, 6)),
+        alternatives=np.array([pose(np.eye(3), t) for t in np.eye(3)[:2]]) @ result.T_target_source,
+        free_directions=np.eye(6)[3:4],
         inliers=none,
     )
     texts = describe_warnings(pair_of(holed, 1000 * cloud), BAD, bad)
@@ -51,8 +52,8 @@ def test_each_trouble_has_its_sentence_in_order(cloud, result):
         "1 rows of the source were ignored",
         "not converged after 30 iterations",
         "low confidence, do not trust this pose: 34% of the points",
-        "2 other poses fit as well",
-        "undetermined in 1 of 6 directions",
+        "2 other poses fit as well (see alternatives), for instance shifted by 1 along",
+        "undetermined in 1 of 6 directions (see free_directions): the source slides along x",
         "no source point is within the inlier threshold",
     )
     assert len(texts) == len(expected)

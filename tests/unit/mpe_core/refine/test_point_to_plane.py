@@ -88,7 +88,9 @@ def test_planes_hold_their_points_and_normals_have_unit_length(clouds):
     planes = TargetPlanes(target.fine, target.surface.spacing)
     rows = np.arange(0, len(target.fine), 50, dtype=np.int32)
     feet, normals, variation = planes.planes_at(rows)
-    assert ((variation >= 0) & (variation <= 1 / 3 + 1e-6)).all()
+    known = variation[~np.isnan(variation)]
+    assert len(known) > len(rows) / 2
+    assert ((known >= 0) & (known <= 1 / 3 + 1e-6)).all()
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
     away = planes.cells.points[rows] - feet
     along = np.einsum("ni,ni->n", away, normals)

@@ -1,0 +1,83 @@
+"""Long narrow scans, of corridors and tunnels: only the part around the scanner is registered.
+
+Their length sets the unit of length, in which they are too narrow to show a surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.clouds.surface import MAX_VARIATION, MIN_NEIGHBOURS, MIN_RADIUS, SUBSET_POINTS
+from mpe_core.clouds.validate import Cloud
+from mpe_core.geometry.cell_list import CellList, voxel_downsample
+from mpe_core.geometry.sampling import take_every
+
+Array = NDArray[np.float64]
+Position = tuple[float, ...]
+
+SHARES = (0.7, 0.5, 0.35, 0.25, 0.18)
+"""Radii of the part that is kept, over that of the cloud: the largest that shows a surface."""
+
+FINE_SHARE = 0.25
+"""Radius of smaller neighbourhoods over the usual one. Those of a narrow scan show a surface that
+the usual ones do not; those of noise show even less (docs/tuning.md)."""
+
+VOXELS_PER_RADIUS = 5
+"""Thinning of the neighbourhoods that are looked at."""
+
+MIN_KEPT = 2000
+"""Points that have to be left."""
+
+
+def find_near_radius(cloud: Cloud, radius: float, viewpoint: Position | None) -> float | None:
+    """Find the distance from the scanner up to which a long narrow cloud shows a surface.
+
+    Parameters
+    ----------
+    cloud
+        A checked cloud.
+    radius
+        Radius of the cloud.
+    viewpoint
+        (3,) position of the scanner; the median of the points if it is not known.
+
+    Returns
+    -------
+    float or None
+        In the unit of the cloud; None if the cloud is not too narrow, or has weights.
+    """
+    if cloud.weights is not None or not _shows_surface(
+        cloud.points - _place(cloud, viewpoint), FINE_SHARE * MIN_RADIUS * radius
+    ):
+        return None
+    tried = (share * radius for share in SHARES)
+    return next((reach for reach in tried if shows_surface_within(cloud, reach, viewpoint)), None)
+
+
+def shows_surface_within(cloud: Cloud, reach: float, viewpoint: Position | None) -> bool:
+    """Whether enough points lie within reach of the scanner, and show a surface in its unit."""
+    offsets = cloud.points - _place(cloud, viewpoint)
+    near = offsets[np.einsum("ni,ni->n", offsets, offsets) <= reach**2]
+    return len(near) >= MIN_KEPT and _shows_surface(near, MIN_RADIUS * reach)
+
+
+def keep_near_part(cloud: Cloud, reach: float, viewpoint: Position | None) -> Cloud:
+    """Give the points beyond reach of the scanner a weight of 0."""
+    offsets = cloud.points - _place(cloud, viewpoint)
+    is_near = np.einsum("ni,ni->n", offsets, offsets) <= reach**2
+    return replace(cloud, weights=is_near.astype(np.float64))
+
+
+def _place(cloud: Cloud, viewpoint: Position | None) -> Array:
+    return np.median(cloud.points, axis=0) if viewpoint is None else np.array(viewpoint)
+
+
+def _shows_surface(points: Array, radius: float) -> bool:
+    """Whether neighbourhoods of a radius hold enough points, and vary little at the median."""
+    thinned = voxel_downsample(points.astype(np.float32), radius / VOXELS_PER_RADIUS)
+    planes = CellList(thinned, radius).planes(take_every(thinned, SUBSET_POINTS))
+    has_neighbours = np.median(planes.counts) >= MIN_NEIGHBOURS
+    return bool(has_neighbours and np.median(planes.surface_variation) <= MAX_VARIATION)
