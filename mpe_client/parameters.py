@@ -47,7 +47,9 @@ class Options(TypedDict, total=False):
     yaw_only: bool
     source_viewpoint: Vector | None
     target_viewpoint: Vector | None
+    ignore_file_viewpoints: bool
     keep_no_data: bool
+    use_color: Literal["auto", "never"]
     max_iterations: int
     seed: int
 

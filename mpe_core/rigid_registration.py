@@ -89,6 +89,7 @@ def register_rigidly(
         Whether points have to meet points of the same local shape.
     """
     with progress.stage("prepare") as report:
+        report(0.2)
         pair, clouds = prepare_pair(source, target, options)
         report(0.8)
         prior = PosePrior.from_options(options, pair)

@@ -39,9 +39,17 @@ SURE_CONFIDENCE = 0.985
 """Confidence from which on the scale is not doubted: street scans of the right one have 0.996, of
 0.93 up to 0.979."""
 
+SURE_HAND_CONFIDENCE = 0.97
+"""Confidence from which on the hand is not doubted: rooms that are nearly their own mirror images
+are refused otherwise."""
+
 MIN_WRONG_SCALE, MIN_GAIN = 0.03, 1.15
 """Logarithm of the scale next to an accepted pose, and gain of the points on the surface, from
 which on the pose is refused."""
+
+MIN_FIRST_STEP = 0.0025
+"""Logarithm of the first step of the scale, below which the scale next to an accepted pose is not
+looked for: that takes as long as the registration (docs/tuning.md)."""
 
 MIRROR_LOG_ODDS = 1.5
 """Log odds by which a mirrored source has to exceed an accepted pose for that to be refused."""
@@ -134,7 +142,8 @@ def _doubt(
     if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
         return first.found
     cause = _other_scale(source, target, first, options, progress)
-    if cause is None and options.initial_transform is None:
+    asks_hand = first.found.confidence <= SURE_HAND_CONFIDENCE and options.initial_transform is None
+    if cause is None and asks_hand:
         cause = _other_hand(source, target, first, options, progress)
     if cause is None:
         return first.found
@@ -146,6 +155,9 @@ def _other_scale(
     source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> CodedWarning | None:
     """Name the scale at which the clouds fit much better next to an accepted pose."""
+    step = _scale_step(first)
+    if step is None or abs(step.log_scale) < MIN_FIRST_STEP:
+        return None
     refined = _refine_scale(source, target, _Scaled(1.0, first), options, progress)
     if abs(np.log(refined.scale)) < MIN_WRONG_SCALE:
         return None

@@ -52,9 +52,12 @@ def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[S3Server]:
         yield running
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """A running browser; skipped loudly without it, or a failure where CI needs it."""
+    """A running browser; skipped loudly without it, or a failure where CI needs it.
+
+    For one module only: while it runs, no other test can start an event loop in this process.
+    """
     program = find_chromium()
     if program is None:
         (pytest.fail if BROWSER_REQUIRED else pytest.skip)(NO_BROWSER)

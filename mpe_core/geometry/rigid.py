@@ -79,8 +79,9 @@ def rotation_between(a: Array, b: Array) -> Array:
     Of the half turns between opposite vectors, one is taken.
     """
     axis = np.cross(a, b)
-    if axis.any():
-        return axis_rotation(axis, float(np.arctan2(np.linalg.norm(axis), a @ b)))
+    sine = float(np.linalg.norm(axis))  # 0 also where the squares of a tiny axis vanish
+    if sine > 0:
+        return axis_rotation(axis, float(np.arctan2(sine, a @ b)))
     if a @ b > 0:
         return np.eye(3)
     return axis_rotation(np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), np.pi)

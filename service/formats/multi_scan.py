@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from service.formats.errors import MalformedFileError
 
@@ -46,6 +45,8 @@ def select_scans(count: int, scan: int | None) -> tuple[range, tuple[str, ...]]:
 
 def to_viewpoint(T: NDArray[np.float64]) -> tuple[float, ...] | None:
     """Return tx, ty, tz, qw, qx, qy, qz of the pose (4, 4) of a scanner; None if it is none."""
+    from scipy.spatial.transform import Rotation  # the service itself loads no scipy
+
     if not np.isfinite(T).all() or abs(np.linalg.det(T[:3, :3]) - 1) > _RIGID_TOL:
         return None
     x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat().tolist()

@@ -22,6 +22,7 @@ export const GROUPS: readonly Group[] = [
     fields: [
       { name: "overlap", label: "Overlap", kind: "number", hint: "unknown", help: "Share of the source that the target shows too, from 0 to 1, if you know it." },
       { name: "scale", label: "Scale", kind: "choice", choices: ["fixed", "units", "free"], help: "“units” allows mm against m and the like; “free” any factor." },
+      { name: "use_color", label: "Intensity and colour", kind: "choice", choices: ["auto", "never"], help: "“auto”: they settle what the surfaces leave free, like a painted wall." },
       { name: "yaw_only", label: "Both scans are levelled", kind: "check", help: "The pose then turns about the vertical alone." },
     ],
   },
@@ -30,6 +31,7 @@ export const GROUPS: readonly Group[] = [
     fields: [
       { name: "inlier_threshold", label: "Inlier threshold", kind: "number", hint: "estimated", help: "Largest distance of a pair of points, in the files' unit." },
       { name: "voxel_size", label: "Voxel size", kind: "number", hint: "1.5 % of the radius", help: "Cubes to which the clouds are thinned for the search; larger ones average noise." },
+      { name: "ignore_file_viewpoints", label: "Ignore the scanners' positions in the files", kind: "check", help: "Where both files tell where the scanner stood, free space between it and the points tells wrong poses." },
       { name: "keep_no_data", label: "Keep rows that look like no measurement", kind: "check", help: "Zeros, -9999 and the like are left out otherwise." },
     ],
   },

@@ -11,6 +11,7 @@ from mpe_core.geometry.rigid import (
     fit,
     inverse,
     pose,
+    rotation_between,
     rotation_error,
 )
 from tests.factories.clouds import random_rotation
@@ -88,3 +89,8 @@ def test_axis_rotation_is_that_of_a_rotation_vector(angle):
 def test_inverse_undoes():
     T = pose(axis_rotation(AXIS, 1.0), np.array([4.0, 5, 6]))
     np.testing.assert_allclose(inverse(T) @ T, np.eye(4), atol=1e-14)
+
+
+def test_vectors_that_differ_by_less_than_a_square_holds_need_no_turn():
+    z = np.array([0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(rotation_between(z, np.array([1e-200, 0.0, 1.0])), np.eye(3))
