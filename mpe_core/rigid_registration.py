@@ -23,6 +23,7 @@ from mpe_core.clouds.flat import Plane, draw_outline, find_plane, lay_flat
 from mpe_core.clouds.near_part import (
     find_near_radius,
     keep_near_part,
+    scanner_place,
     shows_surface_within,
 )
 from mpe_core.clouds.normalize import CloudPair, normalize_pair
@@ -175,10 +176,13 @@ def prepare_pair(
 def _keep_near_parts(pair: CloudPair, options: RegistrationOptions) -> CloudPair:
     """Return the pair without the far parts of long narrow clouds, or the same pair."""
     viewpoints = options.source_viewpoint, options.target_viewpoint
-    clouds = list(zip((pair.source_cloud, pair.target_cloud), viewpoints, strict=True))
+    clouds = [
+        (cloud, scanner_place(cloud, viewpoint))
+        for cloud, viewpoint in zip((pair.source_cloud, pair.target_cloud), viewpoints, strict=True)
+    ]
     found = [
-        find_near_radius(cloud, radius, viewpoint)
-        for (cloud, viewpoint), radius in zip(clouds, pair.radii(), strict=True)
+        find_near_radius(cloud, radius, centre)
+        for (cloud, centre), radius in zip(clouds, pair.radii(), strict=True)
     ]
     reach = min((radius for radius in found if radius is not None), default=None)
     if reach is None or not all(shows_surface_within(cloud, reach, at) for cloud, at in clouds):

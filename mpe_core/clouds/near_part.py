@@ -16,7 +16,6 @@ from mpe_core.geometry.cell_list import CellList, voxel_downsample
 from mpe_core.geometry.sampling import take_every
 
 Array = NDArray[np.float64]
-Position = tuple[float, ...]
 
 SHARES = (0.7, 0.5, 0.35, 0.25, 0.18)
 """Radii of the part that is kept, over that of the cloud: the largest that shows a surface."""
@@ -32,7 +31,7 @@ MIN_KEPT = 2000
 """Points that have to be left."""
 
 
-def find_near_radius(cloud: Cloud, radius: float, viewpoint: Position | None) -> float | None:
+def find_near_radius(cloud: Cloud, radius: float, centre: Array) -> float | None:
     """Find the distance from the scanner up to which a long narrow cloud shows a surface.
 
     Parameters
@@ -41,8 +40,8 @@ def find_near_radius(cloud: Cloud, radius: float, viewpoint: Position | None) ->
         A checked cloud.
     radius
         Radius of the cloud.
-    viewpoint
-        (3,) position of the scanner; the median of the points if it is not known.
+    centre
+        (3,) position of the scanner, see `scanner_place`.
 
     Returns
     -------
@@ -50,29 +49,33 @@ def find_near_radius(cloud: Cloud, radius: float, viewpoint: Position | None) ->
         In the unit of the cloud; None if the cloud is not too narrow, or has weights.
     """
     if cloud.weights is not None or not _shows_surface(
-        cloud.points - _place(cloud, viewpoint), FINE_SHARE * MIN_RADIUS * radius
+        cloud.points - centre, FINE_SHARE * MIN_RADIUS * radius
     ):
         return None
     tried = (share * radius for share in SHARES)
-    return next((reach for reach in tried if shows_surface_within(cloud, reach, viewpoint)), None)
+    return next((reach for reach in tried if shows_surface_within(cloud, reach, centre)), None)
 
 
-def shows_surface_within(cloud: Cloud, reach: float, viewpoint: Position | None) -> bool:
+def scanner_place(cloud: Cloud, viewpoint: tuple[float, ...] | None) -> Array:
+    """(3,) position of the scanner; the median of the points if it is not known."""
+    return np.median(cloud.points, axis=0) if viewpoint is None else np.array(viewpoint)
+
+
+def shows_surface_within(cloud: Cloud, reach: float, centre: Array) -> bool:
     """Whether enough points lie within reach of the scanner, and show a surface in its unit."""
-    offsets = cloud.points - _place(cloud, viewpoint)
-    near = offsets[np.einsum("ni,ni->n", offsets, offsets) <= reach**2]
+    near = cloud.points[_is_within(cloud, reach, centre)] - centre
     return len(near) >= MIN_KEPT and _shows_surface(near, MIN_RADIUS * reach)
 
 
-def keep_near_part(cloud: Cloud, reach: float, viewpoint: Position | None) -> Cloud:
+def keep_near_part(cloud: Cloud, reach: float, centre: Array) -> Cloud:
     """Give the points beyond reach of the scanner a weight of 0."""
-    offsets = cloud.points - _place(cloud, viewpoint)
-    is_near = np.einsum("ni,ni->n", offsets, offsets) <= reach**2
-    return replace(cloud, weights=is_near.astype(np.float64))
+    return replace(cloud, weights=_is_within(cloud, reach, centre).astype(np.float64))
 
 
-def _place(cloud: Cloud, viewpoint: Position | None) -> Array:
-    return np.median(cloud.points, axis=0) if viewpoint is None else np.array(viewpoint)
+def _is_within(cloud: Cloud, reach: float, centre: Array) -> NDArray[np.bool_]:
+    offsets = cloud.points - centre
+    within: NDArray[np.bool_] = np.einsum("ni,ni->n", offsets, offsets) <= reach**2
+    return within
 
 
 def _shows_surface(points: Array, radius: float) -> bool:

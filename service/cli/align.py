@@ -6,7 +6,7 @@ import argparse
 import hashlib
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -20,16 +20,15 @@ from service.cli.exit_codes import EXIT_ERROR, EXIT_NOT_ACCEPTED, EXIT_OK
 from service.cli.progress import show_progress
 from service.clouds.aligned import Measure, write_aligned
 from service.clouds.deviation import build_surface, move_points
-from service.clouds.file_rows import in_file_rows
 from service.clouds.file_viewpoints import with_file_viewpoints
 from service.clouds.inputs import CLOUD_ROLES
+from service.clouds.register_files import register_files
 from service.formats import (
     WRITERS,
     CloudFileError,
     DecodedCloud,
     ReadLimits,
     UnsupportedFileError,
-    common_brightness,
     read_crs,
     read_pieces,
 )
@@ -91,28 +90,14 @@ def run_align(arguments: argparse.Namespace) -> int:
 
 
 def _align(arguments: argparse.Namespace) -> int:
-    from mpe_core import register  # loads the kernels, which `mpe serve` must not
-
     if arguments.distances and not arguments.output:
         raise UnsupportedFileError("--distances: expected -o FILE too, the file to write them to")
     options = parse_options(arguments)
     output_format = _output_format(arguments.output)
     source, target = (_read(role, arguments) for role in CLOUD_ROLES)
     options, places = with_file_viewpoints(options, source, target)
-    source_colors, target_colors = common_brightness(source, target)
     with show_progress() as on_progress:
-        registration = register(
-            source.points,
-            target.points,
-            options,
-            source_weights=source.weights,
-            target_weights=target.weights,
-            source_colors=source_colors,
-            target_colors=target_colors,
-            on_progress=on_progress,
-        )
-    inliers = in_file_rows(registration.inliers, source, target)
-    registration = replace(registration, inliers=inliers)
+        registration = register_files(source, target, options, on_progress)
     written = _write(arguments, output_format, registration, options, source, target)
     if arguments.report:
         _write_report(arguments, registration, options, source, target)

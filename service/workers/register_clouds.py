@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpe_core import RegistrationOptions
-from service.clouds.file_rows import in_file_rows
 from service.clouds.file_viewpoints import with_file_viewpoints
 from service.clouds.inputs import CloudInput
+from service.clouds.register_files import register_files
 from service.formats import (
     CloudFileError,
     DecodedCloud,
-    common_brightness,
     read_surface,
     warn_unlike,
 )
@@ -118,26 +117,19 @@ class RegisterClouds(Task):
     ) -> Registration:
         import numba
 
-        from mpe_core import register
-
         numba.set_num_threads(min(self.environment.threads, numba.config.NUMBA_NUM_THREADS))
-        source_colors, target_colors = common_brightness(source, target)
-        registration: Registration = register(
-            source.points,
-            target.points,
+        registration = register_files(
+            source,
+            target,
             options,
-            source_weights=source.weights,
-            target_weights=target.weights,
-            source_colors=source_colors,
-            target_colors=target_colors,
-            on_progress=lambda stage, fraction: report.send(
+            lambda stage, fraction: report.send(
                 stage, DECODING_SHARE + (1 - DECODING_SHARE) * fraction
             ),
         )
         for stage, seconds in registration.timing.items():
             if stage != "total":
                 report.timing[f"{stage}_s"] = seconds
-        return replace(registration, inliers=in_file_rows(registration.inliers, source, target))
+        return registration
 
 
 def _write(registration: Registration, file_warnings: list[str], scratch: Path) -> None:

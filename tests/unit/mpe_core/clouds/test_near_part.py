@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mpe_core import register
-from mpe_core.clouds.near_part import find_near_radius, keep_near_part
+from mpe_core.clouds.near_part import find_near_radius, keep_near_part, scanner_place
 from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.validate import validate_cloud
 from tests.factories.clouds import bunny, room
@@ -37,10 +37,10 @@ def corridor() -> Array:
 def test_a_corridor_loses_its_ends(corridor: Array) -> None:
     cloud = validate_cloud(corridor)
     _, radius = normalize_pair(cloud, cloud).radii()
-    near_radius = find_near_radius(cloud, radius, (0, 0, 0))
+    near_radius = find_near_radius(cloud, radius, np.zeros(3))
     assert near_radius is not None
     assert 1.2 < near_radius < 0.8 * radius
-    weights = keep_near_part(cloud, near_radius, (0, 0, 0)).weights
+    weights = keep_near_part(cloud, near_radius, np.zeros(3)).weights
     np.testing.assert_array_equal(weights > 0, np.linalg.norm(corridor, axis=1) <= near_radius)
 
 
@@ -52,7 +52,7 @@ def test_scans_and_noise_are_kept_whole(data) -> None:
     for points in (shape, noisy, ball, room(rng)):
         cloud = validate_cloud(points)
         _, radius = normalize_pair(cloud, cloud).radii()
-        assert find_near_radius(cloud, radius, None) is None
+        assert find_near_radius(cloud, radius, scanner_place(cloud, None)) is None
 
 
 def test_all_points_of_a_corridor_can_be_inliers(corridor: Array) -> None:
