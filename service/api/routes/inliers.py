@@ -13,6 +13,7 @@ from fastapi.responses import StreamingResponse
 from service.api.accept import preferred_type
 from service.api.dependencies import CurrentRuntime, RequestedJob
 from service.api.download import DownloadResponse
+from service.api.middleware.conditional import NOT_MODIFIED, is_known
 from service.api.threads import OwnThreads
 from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
@@ -44,6 +45,7 @@ def get_inliers(
         Literal["json", "npy"] | None, Query(description="Overrides the Accept header.")
     ] = None,
     accept: Annotated[str, Header(include_in_schema=False)] = "*/*",
+    if_none_match: Annotated[str, Header(include_in_schema=False)] = "",
 ) -> Response:
     """Return JSON, or a NumPy file for `?format=npy` or `Accept: application/x-npy`."""
     if job.status == "succeeded" and job.result_sha256 is None:
@@ -63,10 +65,13 @@ def get_inliers(
             filename=f"{job.id}-inliers.npy",
             headers={"ETag": f'"{job.inliers_sha256}"'},
         )
+    headers = {"ETag": f'"{job.inliers_sha256}-json"'}
+    if is_known(headers["ETag"], if_none_match):
+        return Response(status_code=NOT_MODIFIED, headers=headers)
     rows = np.load(array, mmap_mode="r", allow_pickle=False)
     result = json.loads(document.read_bytes())
     chunks = iter_inliers_json(rows, result["inliers"]["threshold"])
-    return StreamingResponse(_render(chunks), media_type="application/json")
+    return StreamingResponse(_render(chunks), media_type="application/json", headers=headers)
 
 
 async def _render(chunks: Iterator[str]) -> AsyncIterator[str]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from fastapi import APIRouter, Response
-from fastapi.responses import FileResponse
 
+from service.api.download import DownloadResponse
 from service.api.page import PAGE_HEADERS, find_asset, find_page
 
 router = APIRouter(include_in_schema=False)
@@ -13,12 +13,12 @@ router = APIRouter(include_in_schema=False)
 @router.get("/")
 def page() -> Response:
     """Return the page; browsers ask each time whether it is still current."""
-    return FileResponse(find_page(), headers=PAGE_HEADERS)
+    return DownloadResponse(find_page(), headers=PAGE_HEADERS)
 
 
 @router.get("/assets/{name}")
 def asset(name: str) -> Response:
     """Return a script, style sheet or picture; its name holds the hash of its content."""
-    return FileResponse(
+    return DownloadResponse(
         find_asset(name), headers={"Cache-Control": "public, max-age=31536000, immutable"}
     )

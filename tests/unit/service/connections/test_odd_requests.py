@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from pathlib import Path
 
+from fastapi.routing import iter_route_contexts
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -13,31 +15,20 @@ from service.app import create_app
 from service.settings import Settings
 from tests.factories.api import idle_runtime
 from tests.factories.connections import exchange, listening
+from tests.factories.finished import FakeExporter, add_finished
 
 METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW", "get"]
-PATHS = [
-    "/livez",
-    "/readyz",
-    "/metrics",
-    "/openapi.json",
-    "/v1/capacity",
-    "/v1/formats",
-    "/v1/clouds",
-    "/v1/clouds/%00",
-    "/v1/clouds/%ff%fe",
-    "/v1/uploads",
-    "/v1/uploads/x",
-    "/v1/uploads/%00",
-    "/v1/registrations",
-    "/v1/registrations/%00",
-    "/v1/registrations/x/aligned",
-    "/v1/registrations/x/inliers",
-    "/v1/registrations/x/events",
-    "/v1/registrations/x/deliveries",
-    "//",
-    "*",
-    "http://localhost/livez",
-]
+APP_PATHS = sorted(
+    {
+        route.path
+        for route in iter_route_contexts(create_app(Settings(data_dir=Path("/none"))).routes)
+    }
+)
+FINISHED = "FINISHED"
+"""Stands for the id of a registration that has succeeded."""
+IDS = (FINISHED, "x", "%00", "%ff%fe", "..%2F..", "a" * 300)
+PATHS = [re.sub(r"\{\w+\}", name, path) for path in APP_PATHS for name in IDS]
+PATHS += ["//", "*", "http://localhost/livez", "/v1/../livez", "/assets/..%2findex.html"]
 QUERIES = [
     "",
     "?limit=99999999999999999999",
@@ -48,6 +39,11 @@ QUERIES = [
     "?created_before=9999-12-31T23:59:59-23:59",
     "?status=%F0%9F%92%A9",
     "?format=npy&format=&merged=maybe",
+    "?role=source&max_points=1",
+    "?role=target&max_points=0",
+    "?tolerance=1e999&tolerance=-1&tolerance=nan&max_distance=inf",
+    "?tolerance=0.5&unit=%00&unit=mm",
+    "?format=stl&distances=true&merged=true",
     "?" + "a=" * 500,
 ]
 HEADERS = [
@@ -56,6 +52,8 @@ HEADERS = [
     "Accept: ;;q=,*/*;q=0",
     "Range: bytes=9-1",
     "If-None-Match: *",
+    "If-Range: W/",
+    "Range: bytes=0-0,2-1,999999-",
     "Content-Type: multipart/form-data; boundary=",
     "Content-Type: multipart/form-data; boundary=x",
     "Content-Type: application/json; charset=utf-7",
@@ -131,20 +129,22 @@ def test_odd_requests_are_never_errors_of_the_service(tmp_path: Path) -> None:
         loop.run_until_complete(ask(batch))
 
     async def ask(batch: list[bytes]) -> None:
-        for response in await asyncio.gather(*(exchange(port, sent, 20) for sent in batch)):
+        found = [sent.replace(FINISHED.encode(), job) for sent in batch]
+        for response in await asyncio.gather(*(exchange(port, sent, 20) for sent in found)):
             check(response)
 
     options = {"max_wait_s": 0.1, "min_free_disk_bytes": 0, "min_free_memory_bytes": 0}
     app = create_app(Settings(data_dir=tmp_path, **options))
     loop = asyncio.new_event_loop()
 
-    async def start() -> int:
-        app.state.runtime = runtime.__enter__()
-        return await server.__aenter__()
+    async def start() -> tuple[int, bytes]:
+        app.state.runtime = opened = runtime.__enter__()
+        opened.exporter.export = FakeExporter(tmp_path).export  # type: ignore[method-assign]
+        return await server.__aenter__(), add_finished(opened).encode()
 
     runtime = idle_runtime(tmp_path, **options)
     server = listening(app, head_s=0.2, stall_s=0.4, idle_s=1)
-    port = loop.run_until_complete(start())
+    port, job = loop.run_until_complete(start())
     try:
         ask_all()
     finally:
