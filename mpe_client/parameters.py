@@ -16,6 +16,7 @@ class Reading(TypedDict, total=False):
 
     format: str | None
     scan: int | None
+    array: str | None
     columns: int | None
     surface_samples: int | None
     weights: str | None

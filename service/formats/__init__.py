@@ -1,7 +1,7 @@
 """Readers and writers of point cloud files, chosen by content and never by file name.
 
 Needs numpy only, and a kernel of mpe_core for large text. The libraries of single formats (laspy,
-pye57, trimesh, lzf) are imported when a file of such a format is read or written.
+pye57, trimesh) are imported when a file of such a format is read or written.
 """
 
 from __future__ import annotations

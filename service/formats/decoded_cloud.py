@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -146,7 +146,23 @@ def check_density(count: int, size: int, at: str, free: int = _MIN_DENSE_POINTS)
 
 
 def iter_ranges(count: int, row_bytes: int) -> Iterator[range]:
-    """Divide `count` rows of a file into consecutive ranges of at most PIECE_BYTES."""
+    """Divide `count` rows of a file into consecutive, even ranges of at most PIECE_BYTES."""
     step = max(1, PIECE_BYTES // max(1, row_bytes))
-    for start in range(0, count, step):
-        yield range(start, min(count, start + step))
+    pieces = -(-count // step)
+    for number in range(pieces):
+        yield range(count * number // pieces, count * (number + 1) // pieces)
+
+
+def join_pieces(pieces: Iterable[DecodedCloud]) -> DecodedCloud:
+    """Join the pieces of a file into one cloud; the last tells what is known of the whole file.
+
+    The attributes are those of the first piece.
+    """
+    *others, last = pieces
+    parts = [piece for piece in (*others, last) if len(piece.points)] or [last]
+    names = [name for name in parts[0].attributes if all(name in p.attributes for p in parts)]
+    return replace(
+        last,
+        points=np.concatenate([piece.points for piece in parts]),
+        attributes={name: np.concatenate([p.attributes[name] for p in parts]) for name in names},
+    )

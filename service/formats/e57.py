@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -13,7 +12,13 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, check_density
+from service.formats.decoded_cloud import (
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    check_density,
+    join_pieces,
+)
 from service.formats.e57_fields import Fields, add_buffers, rotate_normals, select_fields
 from service.formats.errors import (
     CloudFileError,
@@ -48,16 +53,7 @@ def read(
     CloudFileError
         The file is damaged, holds a scan without coordinates, or has no such scan.
     """
-    *pieces, last = read_pieces(path, limits, scan, attributes=attributes)
-    points = [piece.points for piece in pieces]
-    return replace(
-        last,
-        points=np.concatenate([np.empty((0, 3)), *points]),
-        attributes={
-            name: np.concatenate([column, *(piece.attributes[name] for piece in pieces)])
-            for name, column in last.attributes.items()
-        },
-    )
+    return join_pieces(read_pieces(path, limits, scan, attributes=attributes))
 
 
 def read_pieces(

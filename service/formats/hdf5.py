@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -23,7 +25,7 @@ from service.formats.errors import (
     short_reason,
 )
 from service.formats.libraries import import_library
-from service.formats.named_arrays import cloud_of_arrays
+from service.formats.named_arrays import choose_array, cloud_of_arrays, is_transposed
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _MATLAB_BLOCK_BYTES = 512
@@ -46,24 +48,134 @@ def read(
     limits: ReadLimits,
     scan: int | None,
     weights: str | None = None,
+    array: str | None = None,
     *,
     attributes: bool = False,
 ) -> DecodedCloud:
     """Read the data set called points, xyz, ..., or the only one, and the data set "normals".
 
-    `scan` selects one of several clouds of equal size, (K, N, 3 or more). `weights` names a data
-    set to keep as an attribute; `attributes` keeps all with one number or a few for each point.
+    `array` names another data set of points. `scan` selects one of several clouds of equal size,
+    (K, N, 3 or more). `weights` names a data set to keep as an attribute; `attributes` keeps all
+    with one number or a few for each point.
 
     Raises
     ------
     CloudFileError
         The file is damaged, or its data sets have other names, shapes or types.
     """
+    with _open_sets(path, scan, limits) as sets:
+        arrays = {name: item.read for name, item in sets.items()}
+        return cloud_of_arrays(arrays, "hdf5", weights, array, attributes=attributes)
+
+
+def read_pieces(
+    path: Path,
+    limits: ReadLimits,
+    scan: int | None,
+    weights: str | None = None,
+    array: str | None = None,
+    *,
+    attributes: bool = False,
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces."""
+    with _open_sets(path, scan, limits) as sets:
+        name = choose_array(sets, array)
+        count = sets[name].count
+        fit = {key: item for key, item in sets.items() if item.count == count}
+        lost = len(sets) - len(fit)
+        warnings = (f"{lost} data sets of another length are ignored",) if lost else ()
+        for rows in iter_ranges(count, sum(item.row_bytes for item in fit.values())):
+            arrays = {key: partial(item.read, rows) for key, item in fit.items()}
+            piece = cloud_of_arrays(arrays, "hdf5", weights, name, attributes=attributes)
+            yield replace(piece, warnings=warnings + piece.warnings)
+
+
+@contextmanager
+def _open_sets(path: Path, scan: int | None, limits: ReadLimits) -> Iterator[dict[str, _DataSet]]:
+    """Open the data sets of real numbers, by their paths."""
     h5py = import_library("h5py")
     with _translate_errors(), h5py.File(path, "r") as file:
         sets = _find_data_sets(h5py, file)
-        arrays = {name: partial(_read, item, scan, limits) for name, item in sets.items()}
-        return cloud_of_arrays(arrays, "hdf5", weights, attributes=attributes)
+        yield {name: _DataSet(item, scan, limits) for name, item in sets.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _DataSet:
+    """A data set, or the chosen one of the clouds in it."""
+
+    item: Any
+    scan: int | None
+    limits: ReadLimits
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape as it is stored; without the number of clouds."""
+        shape: tuple[int, ...] = self.item.shape
+        return shape[1:] if self._holds_clouds else shape
+
+    @property
+    def count(self) -> int:
+        """Number of points, if it is one row, column or record for each."""
+        return self.shape[self._axis]
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of what belongs to a point."""
+        return int(self.item.dtype.itemsize) * prod(self.shape) // max(1, self.count)
+
+    def read(self, rows: range | None = None) -> NDArray[np.generic]:
+        """Return the array, or what belongs to some of its points, as rows.
+
+        Raises
+        ------
+        CloudFileError
+            It is too large, refers to other files, or none of its clouds is chosen.
+        """
+        name = str(self.item.name)[:80]
+        if self.item.external or self.item.is_virtual:
+            raise UnsupportedFileError(
+                f"{name!r} refers to data in other files; expected them inside"
+            )
+        cloud = self._choose_cloud(name)
+        _check_size(self.item, prod(self.shape) if rows is None else 0, self.limits)
+        if rows is None:
+            whole: NDArray[np.generic] = self.item[cloud]
+            return whole.T if self._is_matlab else whole
+        before = (slice(None),) * self._axis
+        part: NDArray[np.generic] = self.item[(*cloud, *before, slice(rows.start, rows.stop))]
+        return part.T if self._axis else part
+
+    @property
+    def _holds_clouds(self) -> bool:
+        return bool(self.item.ndim == 3 and self.item.shape[2] >= 3)
+
+    @property
+    def _is_matlab(self) -> bool:
+        return _MATLAB_CLASS in self.item.attrs
+
+    @property
+    def _axis(self) -> int:
+        """Index of the shape along which the points run."""
+        if len(self.shape) != 2:
+            return 0
+        shape = self.shape[::-1] if self._is_matlab else self.shape
+        is_turned = shape[0] == 1 or is_transposed(shape)
+        return int(is_turned != self._is_matlab)
+
+    def _choose_cloud(self, name: str) -> tuple[int, ...]:
+        """Return the index of the cloud in the data set; nothing where it is no set of clouds."""
+        if not self._holds_clouds:
+            return ()
+        count, size, _ = self.item.shape
+        if self.scan is None and count > 1:
+            raise UnsupportedFileError(
+                f"{name!r} holds {count} clouds of {size} points: set 'scan' to the number of "
+                "one, from 0"
+            )
+        scan = self.scan or 0
+        if not 0 <= scan < count:
+            raise MalformedFileError(f"scan {scan} does not exist; the file has {count}, from 0")
+        return (scan,)
 
 
 def _find_data_sets(h5py: Any, file: Any) -> dict[str, Any]:
@@ -78,31 +190,6 @@ def _find_data_sets(h5py: Any, file: Any) -> dict[str, Any]:
 
     file.visititems(visit)
     return {name: item for name, item in found.items() if not name.startswith("#refs#/")}
-
-
-def _read(item: Any, scan: int | None, limits: ReadLimits) -> NDArray[np.generic]:
-    name = str(item.name)[:80]
-    if item.external or item.is_virtual:
-        raise UnsupportedFileError(f"{name!r} refers to data in other files; expected them inside")
-    if item.ndim == 3 and item.shape[2] >= 3 and item.shape[0] > 1:
-        return _read_cloud(item, scan, limits)
-    _check_size(item, item.size, limits)
-    array: NDArray[np.generic] = item[()]
-    return array.T if _MATLAB_CLASS in item.attrs else array
-
-
-def _read_cloud(item: Any, scan: int | None, limits: ReadLimits) -> NDArray[np.generic]:
-    count = item.shape[0]
-    if scan is None:
-        raise UnsupportedFileError(
-            f"{str(item.name)[:80]!r} holds {count} clouds of {item.shape[1]} points: "
-            "set 'scan' to the number of one, from 0"
-        )
-    if not 0 <= scan < count:
-        raise MalformedFileError(f"scan {scan} does not exist; the file has {count}, from 0")
-    _check_size(item, item.size // count, limits)
-    array: NDArray[np.generic] = item[scan]
-    return array
 
 
 def _check_size(item: Any, count: int, limits: ReadLimits) -> None:

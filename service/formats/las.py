@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.crs import refuse_geographic
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, check_density
+from service.formats.decoded_cloud import (
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    check_density,
+    join_pieces,
+)
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -66,16 +72,7 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     CloudFileError
         The file is damaged or of a kind that is not read; the message names the byte.
     """
-    *pieces, last = read_pieces(path, limits, attributes=attributes)
-    points = [piece.points for piece in pieces]
-    names = pieces[0].attributes if pieces else {}
-    return replace(
-        last,
-        points=np.concatenate([np.empty((0, 3)), *points]),
-        attributes={
-            name: np.concatenate([piece.attributes[name] for piece in pieces]) for name in names
-        },
-    )
+    return join_pieces(read_pieces(path, limits, attributes=attributes))
 
 
 def read_pieces(

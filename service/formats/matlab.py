@@ -62,12 +62,17 @@ def sniff(head: bytes) -> bool:
 
 
 def read(
-    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+    path: Path,
+    limits: ReadLimits,
+    weights: str | None = None,
+    array: str | None = None,
+    *,
+    attributes: bool = False,
 ) -> DecodedCloud:
     """Read the matrix called points, xyz, ..., or the only one, also within structures.
 
-    `weights` names a matrix to keep as an attribute; `attributes` keeps all with one number or a
-    few for each point.
+    `array` names another matrix of points. `weights` names a matrix to keep as an attribute;
+    `attributes` keeps all with one number or a few for each point.
 
     Raises
     ------
@@ -98,7 +103,7 @@ def read(
             "the file holds no matrix of numbers; objects as pointCloud are not read: save "
             "their Location"
         )
-    return cloud_of_arrays(matrices, "matlab", weights, attributes=attributes)
+    return cloud_of_arrays(matrices, "matlab", weights, array, attributes=attributes)
 
 
 @dataclass(frozen=True, slots=True)

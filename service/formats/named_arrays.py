@@ -39,6 +39,7 @@ def cloud_of_arrays(
     arrays: Mapping[str, Callable[[], Array]],
     format: str,
     weights: str | None = None,
+    wanted: str | None = None,
     *,
     attributes: bool = False,
 ) -> DecodedCloud:
@@ -52,6 +53,8 @@ def cloud_of_arrays(
         Name of the format.
     weights
         Array, or field of the array of points, to keep as an attribute.
+    wanted
+        Name of the array of points; None: by the usual names.
     attributes
         Keep all arrays with one number or a few for each point.
 
@@ -60,7 +63,7 @@ def cloud_of_arrays(
     CloudFileError
         The arrays have other names, shapes or types.
     """
-    name = choose_array(list(arrays))
+    name = choose_array(arrays, wanted)
     array = arrays[name]()
     cloud = to_cloud(array, format)
     count = len(cloud.points)
@@ -88,8 +91,8 @@ def cloud_of_arrays(
     return cloud if weights is None else with_attribute(cloud, weights, known)
 
 
-def choose_array(names: Iterable[str]) -> str:
-    """Choose the array of points by its name.
+def choose_array(names: Iterable[str], wanted: str | None = None) -> str:
+    """Choose the array of points by its name, which may be given, with its folder or without.
 
     Raises
     ------
@@ -97,17 +100,23 @@ def choose_array(names: Iterable[str]) -> str:
         No name, or several, are those of points; the message lists the names.
     """
     names = list(names)
-    for wanted in _POINT_ARRAYS:
-        found = [name for name in names if name.replace(".", "/").rpartition("/")[2] == wanted]
-        if len(found) == 1 or wanted in found:
-            return wanted if wanted in found else found[0]
-    if len(names) == 1:
+    for name in (wanted,) if wanted is not None else _POINT_ARRAYS:
+        found = [item for item in names if _last_part(item) == _last_part(name)]
+        if name in names or len(found) == 1:
+            return name if name in names else found[0]
+    if len(names) == 1 and wanted is None:
         return names[0]
     listed = ", ".join(repr(name[:60]) for name in names[:_MAX_LISTED])
+    expected = f"one called {', '.join(_POINT_ARRAYS)}; else name it by 'array'"
+    if wanted is not None:
+        expected = f"one called {wanted[:60]!r}, as 'array' says"
     raise MalformedFileError(
-        f"the file has {len(names)} arrays ({listed}); expected only one, or one called "
-        f"{', '.join(_POINT_ARRAYS)}"
+        f"the file has {len(names)} arrays ({listed}); expected only one, or {expected}"
     )
+
+
+def _last_part(name: str) -> str:
+    return name.replace(".", "/").rpartition("/")[2]
 
 
 def _flat(array: Array) -> Array:
@@ -149,7 +158,7 @@ def all_fields(array: NDArray[np.generic], count: int) -> dict[str, NDArray[np.g
         return fields
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         return {}
-    table = array.T if _is_transposed(array) else array
+    table = array.T if is_transposed(array.shape) else array
     return name_columns(table[:, 3:], 4)
 
 
@@ -191,7 +200,7 @@ def to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
         return DecodedCloud(_floats(array.reshape(-1, 3)), format)
     if array.ndim != 2 or array.shape[1] < 3:
         raise MalformedFileError(f"an array of shape {array.shape}; expected (N, 3)")
-    if _is_transposed(array):
+    if is_transposed(array.shape):
         return DecodedCloud(
             _floats(array[:3].T), format, (f"the shape {array.shape} is read as its transpose",)
         )
@@ -200,9 +209,9 @@ def to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
     return DecodedCloud(_floats(array[:, :3]), format, warnings)
 
 
-def _is_transposed(array: NDArray[np.generic]) -> bool:
+def is_transposed(shape: tuple[int, ...]) -> bool:
     """Whether an array of few rows and many columns has the coordinates in its rows."""
-    return array.ndim == 2 and array.shape[0] in (3, 4, 6) and array.shape[1] > _MAX_PARTS
+    return len(shape) == 2 and shape[0] in (3, 4, 6) and shape[1] > _MAX_PARTS
 
 
 def _floats(array: NDArray[np.generic]) -> NDArray[np.floating]:

@@ -13,12 +13,12 @@ from dataclasses import replace
 from functools import partial
 from math import prod
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -34,6 +34,7 @@ from service.formats.named_arrays import (
     to_cloud,
     with_attribute,
 )
+from service.formats.npy_pieces import ArrayHeader, ArrayRows
 
 MAGIC = b"\x93NUMPY"
 _MAX_MEMBERS = 1000
@@ -77,6 +78,29 @@ def read_npy(
     """
     with path.open("rb") as file:
         array = _read_array(file, path.stat().st_size, "the array", limits)
+    return _make_cloud(array, weights, attributes=attributes)
+
+
+def read_npy_pieces(
+    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read_npy` does, in consecutive pieces.
+
+    Raises
+    ------
+    UnsupportedFileError
+        The points lie scattered in the file.
+    """
+    with path.open("rb") as file:
+        header = _read_header(file, path.stat().st_size, "the array", limits)
+    rows = ArrayRows.of(path, header)
+    for wanted in iter_ranges(rows.count, rows.row_bytes):
+        yield _make_cloud(rows.read(wanted), weights, attributes=attributes)
+
+
+def _make_cloud(
+    array: NDArray[np.generic], weights: str | None, *, attributes: bool
+) -> DecodedCloud:
     cloud = to_cloud(array, "npy")
     if attributes:
         told = tuple(text for text in cloud.warnings if "ignored" not in text)
@@ -86,13 +110,18 @@ def read_npy(
 
 
 def read_npz(
-    path: Path, limits: ReadLimits, weights: str | None = None, *, attributes: bool = False
+    path: Path,
+    limits: ReadLimits,
+    weights: str | None = None,
+    array: str | None = None,
+    *,
+    attributes: bool = False,
 ) -> DecodedCloud:
     """Read the array called points, xyz, ..., or the only one, and the array "normals".
 
-    `weights` names an array, or a field of the array of points, to keep as an attribute;
-    `attributes` keeps all arrays with one number or three for each point. The zip directory is
-    checked before anything is expanded.
+    `array` names another array of points. `weights` names an array, or a field of the array of
+    points, to keep as an attribute; `attributes` keeps all arrays with one number or three for
+    each point. The zip directory is checked before anything is expanded.
 
     Raises
     ------
@@ -110,7 +139,7 @@ def read_npz(
             for info in members
             if info.filename.endswith(".npy")
         }
-        return cloud_of_arrays(arrays, "npz", weights, attributes=attributes)
+        return cloud_of_arrays(arrays, "npz", weights, array, attributes=attributes)
 
 
 def _read_member(
@@ -130,6 +159,17 @@ def _read_member(
 
 
 def _read_array(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> NDArray[np.generic]:
+    header = _read_header(file, size, name, limits)
+    count = prod(header.shape)
+    content = file.read(count * header.dtype.itemsize)
+    if len(content) < count * header.dtype.itemsize:
+        raise TruncatedFileError(f"{name} of shape {header.shape} ends after {len(content)} bytes")
+    order: Literal["F", "C"] = "F" if header.fortran else "C"
+    return np.frombuffer(content, header.dtype).reshape(header.shape, order=order)
+
+
+def _read_header(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> ArrayHeader:
+    """Read the header, and check that the numbers fit into the file and the limits."""
     with _translate_errors(f"the header of {name}", _HEADER_ERRORS):
         version = np.lib.format.read_magic(file)
         if version == (1, 0):
@@ -147,12 +187,9 @@ def _read_array(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> ND
     if any(type(length) is not int or length < 0 for length in shape):  # True is no length
         raise MalformedFileError(f"{name} has the invalid shape {shape}")
     count = prod(shape)
-    at = f"{name} of shape {shape}"
-    check_count(count, dtype.itemsize, size - file.tell(), at, _values_limit(limits))
-    content = file.read(count * dtype.itemsize)
-    if len(content) < count * dtype.itemsize:
-        raise TruncatedFileError(f"{at} ends after {len(content)} bytes")
-    return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")
+    offset, at = file.tell(), f"{name} of shape {shape}"
+    check_count(count, dtype.itemsize, size - offset, at, _values_limit(limits))
+    return ArrayHeader(shape, fortran, dtype, offset)
 
 
 def _values_limit(limits: ReadLimits) -> ReadLimits:

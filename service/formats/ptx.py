@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, join_pieces
 from service.formats.errors import FileLimitError, MalformedFileError
 from service.formats.multi_scan import select_scans, to_viewpoint
 from service.formats.numerals import is_number
-from service.formats.text_table import read_columns
+from service.formats.text_table import TextBlock, iter_columns, skip_lines
 
 _HEADER_LINES = 10
 _COLUMNS = {4: ("intensity",), 7: ("intensity", "red", "green", "blue")}
@@ -32,6 +33,21 @@ class _PtxHeader:
     """(4, 4), for row vectors."""
     size: int
     """Bytes of the header."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Scan:
+    """One of the scans of a file."""
+
+    header: _PtxHeader
+    offset: int
+    """Byte of the first point."""
+    line: int
+    """Number of its line."""
+    end: int
+    """Byte after the last point."""
+    fields: int
+    """Numbers in a row."""
 
 
 def _parse_header(head: bytes) -> _PtxHeader | None:
@@ -68,10 +84,32 @@ def read(
     CloudFileError
         The file is damaged or has no such scan; the message names the line.
     """
-    scans: list[NDArray[np.float64]] = []
-    matrices: list[NDArray[np.float64]] = []
-    names: tuple[str, ...] = ()
-    offset, line, size = 0, 1, path.stat().st_size
+    return join_pieces(read_pieces(path, limits, scan, attributes=attributes))
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, scan: int | None, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces; the last has no points, but the warnings."""
+    scans = list(_find_scans(path, limits))
+    wanted, warnings = select_scans(len(scans), scan)
+    chosen = [scans[i] for i in wanted]
+    names = _COLUMNS.get(min(item.fields for item in chosen), ()) if attributes else ()
+    for item in chosen:
+        columns = range(3 + len(names))
+        count = item.header.count
+        block = TextBlock(path, item.offset, item.end, item.line)
+        for table in iter_columns(block, columns, limits, rows=count):
+            points = _transform(table[:, :3], item.header.matrix)
+            kept = {name: _to_own_type(name, table[:, 3 + i]) for i, name in enumerate(names)}
+            yield DecodedCloud(points, "ptx", attributes=kept)
+    viewpoint = to_viewpoint(chosen[0].header.matrix.T) if len(chosen) == 1 else None
+    yield DecodedCloud(np.empty((0, 3)), "ptx", warnings, viewpoint=viewpoint)
+
+
+def _find_scans(path: Path, limits: ReadLimits) -> Iterator[_Scan]:
+    """Yield the scans of a file; only their headers are parsed."""
+    offset, line, size, total, scans = 0, 1, path.stat().st_size, 0, 0
     while offset < size:
         with path.open("rb") as file:
             file.seek(offset)
@@ -83,27 +121,15 @@ def read(
             raise MalformedFileError(
                 f"line {line}: expected the ten lines of a PTX header (columns, rows, pose, matrix)"
             )
-        if len(scans) >= _MAX_SCANS:
+        if scans >= _MAX_SCANS:
             raise FileLimitError(f"line {line}: more than {_MAX_SCANS} scans")
-        count = header.count
-        total = count + sum(map(len, scans))
+        scans, total = scans + 1, total + header.count
         check_count(total, 0, 0, f"line {line}", limits)
-        check_count(count, 6, size - offset, f"line {line}", limits)
+        check_count(header.count, 6, size - offset, f"line {line}", limits)
         offset, line = offset + header.size, line + _HEADER_LINES
-        fields = _count_fields(path, offset) if attributes else 3
-        found = _COLUMNS.get(fields, ())
-        names = found if not scans else tuple(name for name in names if name in found)
-        columns = range(3 + len(found))
-        table = read_columns(path, offset, line, columns, limits, rows=count)
-        scans.append(np.hstack([_transform(table[:, :3], header.matrix), table[:, 3:]]))
-        matrices.append(header.matrix.T)
-        offset, line = _skip_lines(path, offset, count), line + count
-    wanted, warnings = select_scans(len(scans), scan)
-    width = 3 + len(names)
-    merged = np.concatenate([scans[i][:, :width] for i in wanted])
-    kept = {name: _to_own_type(name, merged[:, 3 + i]) for i, name in enumerate(names)}
-    viewpoint = to_viewpoint(matrices[wanted[0]]) if len(wanted) == 1 else None
-    return DecodedCloud(merged[:, :3], "ptx", warnings, viewpoint=viewpoint, attributes=kept)
+        end = skip_lines(path, offset, header.count)
+        yield _Scan(header, offset, line, end, _count_fields(path, offset))
+        offset, line = end, line + header.count
 
 
 def _count_fields(path: Path, offset: int) -> int:
@@ -125,12 +151,3 @@ def _transform(points: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDAr
     moved = points @ matrix[:3, :3] + matrix[3, :3]
     moved[missing] = np.nan
     return moved
-
-
-def _skip_lines(path: Path, offset: int, rows: int) -> int:
-    """Return the offset after this many lines."""
-    with path.open("rb") as file:
-        file.seek(offset)
-        for _ in range(rows):
-            file.readline()
-        return file.tell()

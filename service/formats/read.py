@@ -36,7 +36,7 @@ _FLOAT_ROWS = (
     "; it looks like rows of float32: declare the format 'kitti', and 'columns' unless they are "
     "x, y, z, intensity"
 )
-EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "columns")
+EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "columns", "array")
 """Choices that are an error for a format without them."""
 _MAYBE_DEGREES = ("las", "laz", "xyz")
 """Formats of surveys, which may hold longitude and latitude."""
@@ -70,6 +70,7 @@ def read_points(
     scan: int | None = None,
     weights: str | None = None,
     columns: int | None = None,
+    array: str | None = None,
     attributes: bool = False,
     faces: bool = False,
 ) -> DecodedCloud:
@@ -93,6 +94,8 @@ def read_points(
         text with named columns, a field of an NPY, or an array or field of an NPZ.
     columns
         Number of columns of the format "kitti", 3 to 8; None: x, y, z, intensity.
+    array
+        Name of the array of points in an HDF5, MATLAB or NPZ file, with its folder or without.
     attributes
         Keep the other columns, the faces of meshes, and what LAS says beside its points; only of
         files that are not thinned.
@@ -125,6 +128,7 @@ def read_points(
         scan=scan,
         weights=weights,
         columns=columns,
+        array=array,
         attributes=attributes,
         faces=faces or attributes,
     )
@@ -149,7 +153,7 @@ def read_pieces(
     weights: str | None = None,
     attributes: bool = False,
     format: str | None = None,
-    **choices: int | None,
+    **choices: int | str | None,
 ) -> Iterator[DecodedCloud]:
     """Decode a cloud file in consecutive pieces: one, unless it has more points than the limit.
 
@@ -175,6 +179,7 @@ def read_pieces(
         "scan": None,
         "faces": attributes,
         "columns": None,
+        "array": None,
         "attributes": attributes,
         "weights": weights,
     }

@@ -32,7 +32,7 @@ from service.formats.decoded_cloud import DecodedCloud
 from service.formats.mesh import gltf
 from service.formats.mesh import text as mesh_text
 
-ReadChoice = Literal["scan", "faces", "attributes", "weights", "columns"]
+ReadChoice = Literal["scan", "faces", "attributes", "weights", "columns", "array"]
 """Keyword arguments of `read_points` that only some formats know."""
 
 
@@ -110,6 +110,7 @@ FORMATS = (
         ptx.sniff,
         ptx.read,
         ("scan", "attributes"),
+        read_pieces=ptx.read_pieces,
     ),
     Format(
         "npy",
@@ -118,23 +119,26 @@ FORMATS = (
         _starts_with(npy.MAGIC),
         npy.read_npy,
         ("weights", "attributes"),
+        read_pieces=npy.read_npy_pieces,
     ),
     Format(
         "hdf5",
-        "HDF5, also MATLAB 7.3: the data set called points, xyz, ..., or the only one; one of "
-        "several clouds by its number",
+        "HDF5, also MATLAB 7.3: the data set called points, xyz, ..., or the only one, or the one "
+        "that `array` names; one of several clouds by its number",
         (".h5", ".hdf5", ".mat"),
         hdf5.sniff,
         hdf5.read,
-        ("scan", "weights", "attributes"),
+        ("scan", "weights", "array", "attributes"),
+        read_pieces=hdf5.read_pieces,
     ),
     Format(
         "matlab",
-        "MATLAB 5 to 7.2: the matrix called points, xyz, ..., or the only one",
+        "MATLAB 5 to 7.2: the matrix called points, xyz, ..., or the only one, or the one that "
+        "`array` names",
         (".mat",),
         matlab.sniff,
         matlab.read,
-        ("weights", "attributes"),
+        ("weights", "array", "attributes"),
     ),
     Format(
         "vtk",
@@ -143,6 +147,7 @@ FORMATS = (
         _starts_with(vtk.MAGIC),
         vtk.read,
         ("attributes",),
+        read_pieces=vtk.read_pieces,
     ),
     Format(
         "vtp",
@@ -194,12 +199,12 @@ FORMATS = (
     ),
     Format(
         "zip",
-        "NumPy archive (.npz): the array called points, xyz, ..., or the only one; "
-        "or one file of any format, zipped",
+        "NumPy archive (.npz): the array called points, xyz, ..., or the only one, or the one that "
+        "`array` names; or one file of any format, zipped",
         (".npz", ".zip"),
         _starts_with(archives.ZIP_MAGIC),
         npy.read_npz,
-        ("weights", "attributes"),
+        ("weights", "array", "attributes"),
         is_archive=archives.is_single_file_zip,
     ),
     Format(

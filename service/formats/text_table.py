@@ -147,32 +147,38 @@ class TextBlock:
                 yield chunk
 
 
-def split_text(path: Path, offset: int, first_line: int, limits: ReadLimits) -> Iterator[TextBlock]:
-    """Yield the text from a byte on in blocks of whole lines.
+def split_text(text: TextBlock, limits: ReadLimits) -> Iterator[TextBlock]:
+    """Yield the text in blocks of whole lines.
 
     Raises
     ------
     FileLimitError
         A line is longer than the limit.
     """
-    size, start, line = path.stat().st_size, offset, first_line
-    while start < size:
-        with path.open("rb") as file:
+    start, line = text.start, text.first_line
+    while start < text.end:
+        with text.path.open("rb") as file:
             file.seek(start + _BLOCK_BYTES)
             rest = file.readline(limits.max_line_bytes + 1)
-        block = TextBlock(path, start, min(size, start + _BLOCK_BYTES + len(rest)), line)
+        end = min(text.end, start + _BLOCK_BYTES + len(rest))
+        block = TextBlock(text.path, start, end, line)
         yield block
-        start, line = block.end, line + _count_lines(block, limits) - 1
+        start, line = end, line + _count_lines(block, limits) - 1
+
+
+def skip_lines(path: Path, offset: int, count: int) -> int:
+    """Return the byte after this many lines, or the end of the file."""
+    block = TextBlock(path, offset, path.stat().st_size, 1)
+    for chunk in block.chunks():
+        ends = np.flatnonzero(np.frombuffer(chunk, np.uint8) == ord("\n"))
+        if len(ends) >= count:
+            return offset + (int(ends[count - 1]) + 1 if count else 0)
+        offset, count = offset + len(chunk), count - len(ends)
+    return offset
 
 
 def iter_columns(
-    path: Path,
-    offset: int,
-    first_line: int,
-    columns: Sequence[int],
-    limits: ReadLimits,
-    *,
-    rows: int,
+    text: TextBlock, columns: Sequence[int], limits: ReadLimits, *, rows: int
 ) -> Iterator[NDArray[np.float64]]:
     """Parse as `read_columns` does, in consecutive pieces.
 
@@ -183,7 +189,7 @@ def iter_columns(
     """
     cleaner = TableCleaner(PLAIN, columns, accepts_commas=False)
     left = rows
-    for block in split_text(path, offset, first_line, limits):
+    for block in split_text(text, limits):
         if left == 0:
             return
         table = read_block(block, columns, limits, rows=left, dialect=PLAIN, cleaner=cleaner)

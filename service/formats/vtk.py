@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import (
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    iter_ranges,
+    join_pieces,
+)
 from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
+from service.formats.memory_map import map_file
 
 MAGIC = b"# vtk DataFile"
 _MAX_HEADER_BYTES = 1 << 20
@@ -32,6 +40,13 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     CloudFileError
         The file is damaged, or its data set has no points of its own.
     """
+    return join_pieces(read_pieces(path, limits, attributes=attributes))
+
+
+def read_pieces(
+    path: Path, limits: ReadLimits, *, attributes: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read` does, in consecutive pieces; the last has no points, but the warnings."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(_MAX_HEADER_BYTES)
@@ -42,16 +57,30 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     count, kind = int(found[1]), np.dtype(_TYPES[found[2].lower()])
     row_bytes = 6 if encoding == b"ASCII" else 3 * kind.itemsize
     check_count(count, row_bytes, size - found.end() + 1, "POINTS", limits)
-    if encoding == b"ASCII":
-        numbers = _read_ascii(path, found.end(), 3 * count)
-    else:
-        numbers = np.fromfile(path, kind, 3 * count, offset=found.end())
-    if len(numbers) < 3 * count:
-        raise TruncatedFileError(f"the file ends after {len(numbers) // 3} of {count} points")
-    is_single = kind == np.dtype(">f4")
-    points: NDArray[np.floating] = numbers.astype(np.float32 if is_single else np.float64)
+    is_text = encoding == b"ASCII"
+    read = _iter_ascii(path, found.end(), count) if is_text else _iter_binary(path, found, kind)
+    target = np.float32 if kind == np.dtype(">f4") else np.float64
+    got = 0
+    for numbers in read:
+        got += len(numbers) // 3
+        points: NDArray[np.floating] = numbers.astype(target)
+        yield DecodedCloud(points.reshape(-1, 3), "vtk")
+    if got < count:
+        raise TruncatedFileError(f"the file ends after {got} of {count} points")
     warnings = ("cells and attributes of VTK are not kept",) if attributes else ()
-    return DecodedCloud(points.reshape(-1, 3), "vtk", warnings)
+    yield DecodedCloud(np.empty((0, 3), target), "vtk", warnings)
+
+
+def _iter_binary(
+    path: Path, points: re.Match[bytes], kind: np.dtype[np.generic]
+) -> Iterator[NDArray[np.generic]]:
+    """Yield the numbers of consecutive points."""
+    row_bytes = 3 * kind.itemsize
+    for rows in iter_ranges(int(points[1]), row_bytes):
+        start = points.end() + rows.start * row_bytes
+        size = min(len(rows) * row_bytes, path.stat().st_size - start) // row_bytes * row_bytes
+        if size > 0:
+            yield np.frombuffer(map_file(path, start, size), kind)
 
 
 def _check_header(head: bytes) -> bytes:
@@ -71,13 +100,12 @@ def _check_header(head: bytes) -> bytes:
     return encoding
 
 
-def _read_ascii(path: Path, offset: int, count: int) -> NDArray[np.float64]:
-    """Read numbers between blanks, whatever the number in a line."""
-    parts: list[NDArray[np.float64]] = [np.empty(0)]
-    left = count
+def _iter_ascii(path: Path, offset: int, count: int) -> Iterator[NDArray[np.float64]]:
+    """Yield the numbers of consecutive points, between blanks, whatever their number in a line."""
+    left = 3 * count
     with path.open("rb") as file:
         file.seek(offset)
-        rest = b""
+        rest, over = b"", np.empty(0)
         while left > 0:
             block = file.read(_BLOCK_BYTES)
             words = (rest + block).split()
@@ -85,11 +113,13 @@ def _read_ascii(path: Path, offset: int, count: int) -> NDArray[np.float64]:
             rest = words.pop() if is_cut else b""
             if len(rest) > _LAST_CHARACTERS:
                 raise MalformedFileError(f"{rest[:40]!r} is not a number")
-            parts.append(_to_numbers(words[:left]))
-            left -= len(parts[-1])
+            numbers = np.concatenate([over, _to_numbers(words[:left])])
+            left -= len(numbers) - len(over)
+            whole = len(numbers) // 3 * 3
+            yield numbers[:whole]
+            over = numbers[whole:]
             if not block:
                 break
-    return np.concatenate(parts)
 
 
 def _to_numbers(words: list[bytes]) -> NDArray[np.float64]:

@@ -65,8 +65,7 @@ def read(
         The text is malformed; the message names the line.
     """
     text = _Text.open(path, limits, weights)
-    block = TextBlock(path, text.offset, path.stat().st_size, text.layout.first_row + 1)
-    cloud = text.read(block, limits, attributes=attributes)
+    cloud = text.read(text.block(path), limits, attributes=attributes)
     text.check_counts(len(cloud.points))
     if is_off_without_keyword(text.first_line(), len(cloud.points)):
         mesh = read_off(path, limits, faces=faces)
@@ -84,7 +83,7 @@ def read_pieces(
 ) -> Iterator[DecodedCloud]:
     """Read as `read` does, in consecutive pieces, without faces."""
     text, rows = _Text.open(path, limits, weights), 0
-    for block in split_text(path, text.offset, text.layout.first_row + 1, limits):
+    for block in split_text(text.block(path), limits):
         cloud = text.read(block, limits, attributes=attributes)
         rows += len(cloud.points)
         yield cloud
@@ -124,6 +123,10 @@ class _Text:
         cleaner = _make_cleaner(head, layout, columns)
         offset = sum(len(line) + 1 for line in head[: layout.first_row])
         return cls(head, layout, weights, cleaner, offset)
+
+    def block(self, path: Path) -> TextBlock:
+        """Return the rows."""
+        return TextBlock(path, self.offset, path.stat().st_size, self.layout.first_row + 1)
 
     def read(self, block: TextBlock, limits: ReadLimits, *, attributes: bool) -> DecodedCloud:
         """Read a block of the rows."""

@@ -84,6 +84,12 @@ class Reading(StrictModel):
         "or more; points of weight 0 do not affect the pose. Any method uses it. For PLY, PCD, "
         "LAS, LAZ, text with named columns, NPY with fields, NPZ. null: equal weights.",
     )
+    array: Annotated[str, StringConstraints(pattern=r"^[^\x00]{1,256}$")] | None = Field(
+        default=None,
+        description="Name of the array of points in a file of several arrays, HDF5, MATLAB or NPZ, "
+        "with its folder (`scan/xyz`) or without. null: the one called points, xyz and the like, "
+        "or the only one.",
+    )
     columns: int | None = Field(
         default=None,
         ge=3,

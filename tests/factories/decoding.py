@@ -10,6 +10,7 @@ import pye57  # noqa: F401
 import pytest
 import trimesh  # noqa: F401
 
+from mpe_core.kernels import lzf  # noqa: F401
 from service.formats import CloudFileError, DecodedCloud, MalformedFileError, read_points
 
 MAX_MEMORY = 8 << 20

@@ -37,6 +37,7 @@ CHOSEN = {
     "attributes": True,
     "weights": "intensity",
     "columns": 5,
+    "array": "points",
 }
 
 

@@ -1,12 +1,7 @@
-"""PCD files of the Point Cloud Library: ASCII, binary and binary_compressed.
-
-The compressed encoding stores the fields one after the other (all x, then all y, ...), packed by
-LZF.
-"""
+"""PCD files of the Point Cloud Library: ASCII, binary and binary_compressed."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,13 +12,14 @@ from numpy.typing import NDArray
 from service.formats.column_names import find_normals, find_xyz
 from service.formats.column_types import restore_type
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
-from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
-from service.formats.libraries import import_library
+from service.formats.errors import MalformedFileError
 from service.formats.memory_map import map_file
 from service.formats.numerals import significant_line
+from service.formats.pcd.compressed import MAX_RATIO, Fields, iter_compressed, read_compressed
 from service.formats.pcd.header import PcdHeader, parse_header
 from service.formats.text_table import (
     CUT_WARNING,
+    TextBlock,
     ends_with_newline,
     iter_columns,
     read_columns,
@@ -32,8 +28,6 @@ from service.formats.text_table import (
 _FIRST_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
 _MAX_ATTRIBUTES = 400
 """Numbers beside the coordinates that are kept; descriptors (SHOT) have up to 352."""
-_MAX_LZF_RATIO = 88
-"""Ratio of expanded to compressed bytes: LZF expands 3 bytes to at most 264."""
 
 
 def sniff(head: bytes) -> bool:
@@ -56,7 +50,7 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     if header.data == "ascii":
         columns, warnings = _read_ascii(path, header, fields, limits)
     elif header.data == "binary_compressed":
-        columns, warnings = _read_compressed(map_file(path), header, fields)
+        columns, warnings = read_compressed(path, header, fields)
     else:
         columns, warnings = _read_binary(map_file(path), header, fields)
     return replace(layout.to_cloud(columns), warnings=warnings)
@@ -65,24 +59,16 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
 def read_pieces(
     path: Path, limits: ReadLimits, *, attributes: bool = False
 ) -> Iterator[DecodedCloud]:
-    """Read as `read` does, in consecutive pieces.
-
-    Raises
-    ------
-    UnsupportedFileError
-        The points are compressed, all in one block.
-    """
+    """Read as `read` does, in consecutive pieces."""
     layout = _read_layout(path, limits, attributes=attributes)
     header, fields = layout.header, layout.fields
     if header.data == "binary_compressed":
-        raise UnsupportedFileError(
-            f"{header.points} compressed points are too many for the memory allowed, and are "
-            "only expanded together: save them as DATA binary"
-        )
+        yield from map(layout.to_cloud, iter_compressed(path, header, fields, limits))
+        return
     if header.data == "ascii":
         columns = _text_columns(header, fields)
-        first = header.lines + 1
-        for table in iter_columns(path, header.size, first, columns, limits, rows=header.points):
+        text = TextBlock(path, header.size, path.stat().st_size, header.lines + 1)
+        for table in iter_columns(text, columns, limits, rows=header.points):
             yield layout.to_cloud(list(table.T))
         return
     row_bytes = header.row.itemsize
@@ -97,7 +83,7 @@ class _Layout:
     """Which numbers of the file are read."""
 
     header: PcdHeader
-    fields: tuple[tuple[int, int], ...]
+    fields: Fields
     """Index of the field, and which of its numbers: coordinates, normals, attributes."""
     has_normals: bool
     keeps_attributes: bool
@@ -150,7 +136,7 @@ def _read_layout(path: Path, limits: ReadLimits, *, attributes: bool) -> _Layout
     return _Layout(header, fields, normals is not None, attributes)
 
 
-def _other_fields(header: PcdHeader, places: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+def _other_fields(header: PcdHeader, places: tuple[int, ...]) -> Fields:
     """Return the other fields whose name is unique: their index, and which of their numbers."""
     return tuple(
         (place, part)
@@ -166,7 +152,7 @@ def _field_name(header: PcdHeader, place: int, part: int) -> str:
 
 
 def _max_ratio(header: PcdHeader) -> int:
-    return _MAX_LZF_RATIO if header.data == "binary_compressed" else 1
+    return MAX_RATIO if header.data == "binary_compressed" else 1
 
 
 def _precision(header: PcdHeader, xyz: tuple[int, ...]) -> type[np.floating]:
@@ -174,70 +160,23 @@ def _precision(header: PcdHeader, xyz: tuple[int, ...]) -> type[np.floating]:
 
 
 def _read_ascii(
-    path: Path, header: PcdHeader, fields: tuple[tuple[int, int], ...], limits: ReadLimits
+    path: Path, header: PcdHeader, fields: Fields, limits: ReadLimits
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     columns = _text_columns(header, fields)
     table = read_columns(path, header.size, header.lines + 1, columns, limits, rows=header.points)
     return list(table.T), () if ends_with_newline(path) else (CUT_WARNING,)
 
 
-def _text_columns(header: PcdHeader, fields: tuple[tuple[int, int], ...]) -> list[int]:
+def _text_columns(header: PcdHeader, fields: Fields) -> list[int]:
     """Return the columns of the text that hold these numbers."""
     starts = np.concatenate(([0], np.cumsum(header.counts)))
     return [int(starts[place]) + part for place, part in fields]
 
 
 def _read_binary(
-    content: memoryview, header: PcdHeader, fields: tuple[tuple[int, int], ...]
+    content: memoryview, header: PcdHeader, fields: Fields
 ) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
     rows = np.frombuffer(content, header.row, header.points, header.size)
     left = len(content) - header.size - rows.nbytes
     warnings = (f"{left} bytes after the last point are ignored",) if left else ()
     return [rows[str(place)][:, part] for place, part in fields], warnings
-
-
-def _read_compressed(
-    content: memoryview, header: PcdHeader, fields: tuple[tuple[int, int], ...]
-) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
-    lzf = import_library("lzf")
-    start = header.size + 8
-    if len(content) < start:
-        raise TruncatedFileError(f"byte {header.size}: the file ends before the compressed data")
-    packed, size = struct.unpack_from("<II", content, header.size)
-    if packed > len(content) - start:
-        raise TruncatedFileError(
-            f"byte {start}: {packed} compressed bytes are announced, {len(content) - start} follow"
-        )
-    if size > packed * _MAX_LZF_RATIO:
-        raise MalformedFileError(f"byte {header.size}: {packed} bytes cannot expand to {size}")
-    starts = _column_starts(header, size)
-    try:
-        expanded = lzf.decompress(bytes(content[start : start + packed]), size) if size else b""
-    except ValueError as error:
-        raise MalformedFileError(f"byte {start}: the compressed data is damaged: {error}") from None
-    if expanded is None or len(expanded) != size:
-        raise MalformedFileError(f"byte {start}: the compressed data does not give {size} bytes")
-    columns = [
-        np.frombuffer(
-            expanded, header.types[place], header.points * header.counts[place], starts[place]
-        ).reshape(header.points, -1)[:, part]
-        for place, part in fields
-    ]
-    left = len(content) - start - packed
-    return columns, (f"{left} bytes after the last point are ignored",) if left else ()
-
-
-def _column_starts(header: PcdHeader, size: int) -> list[int]:
-    """Return the offset of each field's column.
-
-    PCL leaves padding ("_") out of compressed data, other writers do not.
-    """
-    widths = [int(t[2]) * n for t, n in zip(header.types, header.counts, strict=True)]
-    without = [0 if name == "_" else w for name, w in zip(header.fields, widths, strict=True)]
-    for layout in (without, widths):
-        if sum(layout) * header.points == size:
-            return [header.points * sum(layout[:i]) for i in range(len(layout))]
-    raise MalformedFileError(
-        f"byte {header.size}: the data expands to {size} bytes; "
-        f"{header.points} points need {sum(without) * header.points}"
-    )

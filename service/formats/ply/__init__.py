@@ -22,6 +22,7 @@ from service.formats.ply.rows import read_rows
 from service.formats.splat import WARNING as SPLAT_WARNING
 from service.formats.text_table import (
     CUT_WARNING,
+    TextBlock,
     ends_with_newline,
     iter_columns,
     read_columns,
@@ -132,7 +133,8 @@ def _iter_tables(
         )
     if not header.order:
         offset, line, columns = _find_table(path, header, before, vertex, wanted, limits)
-        yield from iter_columns(path, offset, line, columns, limits, rows=vertex.count)
+        text = TextBlock(path, offset, path.stat().st_size, line)
+        yield from iter_columns(text, columns, limits, rows=vertex.count)
         return
     start = header.size + sum(item.count * item.min_row_bytes(header.order) for item in before)
     row_bytes = vertex.min_row_bytes(header.order)

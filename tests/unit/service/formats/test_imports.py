@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.factories.cloud_files import pcd, ply
+from tests.factories.cloud_files import ply
 from tests.factories.scanner_files import e57, las, obj, stl_ascii
 
 PROJECT = Path(__file__).parents[4]
@@ -70,7 +70,6 @@ LIBRARIES = {
     "laspy": las(),
     "pye57": e57(),
     "trimesh": stl_ascii(),
-    "lzf": pcd("binary_compressed"),
 }
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from service.formats import CloudFileError, DecodedCloud, ReadLimits, read_points
 from tests.factories.array_files import Arrays, hdf5, matlab, matlab_73, packed
-from tests.factories.cloud_files import NORMALS, POINTS
+from tests.factories.cloud_files import NORMALS, POINTS, npz
 
 INTENSITY = np.arange(len(POINTS)) % 7
 ARRAYS = {"points": POINTS, "normals": NORMALS, "intensity": INTENSITY}
@@ -67,6 +67,24 @@ def test_one_of_several_clouds_is_chosen(tmp_path: Path) -> None:
 def test_unknown_names_are_listed(tmp_path: Path, make: Callable[[Arrays], bytes]) -> None:
     with pytest.raises(CloudFileError, match="'left', 'right'"):
         read(tmp_path, make({"left": POINTS, "right": POINTS}))
+
+
+@pytest.mark.parametrize("make", [hdf5, matlab, matlab_73, lambda arrays: npz(**arrays)])
+def test_an_array_is_chosen_by_its_name(tmp_path: Path, make: Callable[[Arrays], bytes]) -> None:
+    content = make({"points": POINTS, "left": POINTS + 1})
+    np.testing.assert_array_equal(read(tmp_path, content, array="left").points, POINTS + 1)
+    with pytest.raises(CloudFileError, match="'right', as 'array' says"):
+        read(tmp_path, content, array="right")
+    with pytest.raises(CloudFileError, match="array is set, but the file is of format xyz"):
+        read(tmp_path, b"1 2 3\n4 5 6\n", array="left")
+
+
+def test_an_array_is_named_with_its_folder(tmp_path: Path) -> None:
+    content = hdf5({"a/scan": POINTS, "b/scan": POINTS + 1, "c/points": POINTS + 2})
+    np.testing.assert_array_equal(read(tmp_path, content).points, POINTS + 2)
+    np.testing.assert_array_equal(read(tmp_path, content, array="b/scan").points, POINTS + 1)
+    with pytest.raises(CloudFileError, match="'a/scan', 'b/scan'"):
+        read(tmp_path, content, array="scan")
 
 
 def external(path: Path) -> bytes:
