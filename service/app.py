@@ -29,6 +29,7 @@ from service.api.routes import (
     previews,
     registrations,
     reports,
+    site,
     uploads,
 )
 from service.runtime import Role, open_runtime
@@ -49,6 +50,7 @@ ROUTE_MODULES = (
     formats,
     health,
     page,
+    site,
 )
 """Modules with a `router`, in the order of the OpenAPI description."""
 

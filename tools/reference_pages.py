@@ -1,4 +1,4 @@
-"""Write docs/reference from the code: settings, options, result fields, problems, formats.
+"""Write docs/reference from the code: API, settings, options, result fields, problems, formats.
 
 A test asserts that the pages are current.
 """
@@ -12,11 +12,12 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-import service.app  # noqa: F401 - imports every module that defines problem types
+from service.app import create_app
 from service.formats import FORMATS, WRITERS
 from service.problems import all_problem_types
 from service.schemas import Result, describe_options
-from service.settings import setting_variables
+from service.settings import Settings, setting_variables
+from tools.api_page import render_api_page
 
 REFERENCE = Path(__file__).parent.parent / "docs" / "reference"
 NOTICE = "<!-- Written by `python -m tools.reference_pages`; edit the code instead. -->\n"
@@ -53,6 +54,7 @@ attribute called x, y or z is called `attribute_x`, `attribute_y` or `attribute_
 def render_pages() -> dict[str, str]:
     """Return the text of each page by its file name."""
     return {
+        "api.md": f"{NOTICE}\n{render_api_page(create_app(Settings()).openapi())}",
         "settings.md": _page(
             "Settings", SETTINGS_TEXT, ("variable", "default", "meaning"), _settings()
         ),

@@ -8,6 +8,8 @@ from pathlib import Path
 from service.problems import PageNotFoundError
 
 STATIC = Path(__file__).parent / "static"
+"""Folder of what is built: the page, and the site of the documents."""
+_PAGE = STATIC / "page"
 """Folder that `make page` writes; the wheel holds it."""
 _NAME = re.compile(r"[\w-]+\.[\w.-]*\w", re.ASCII)
 PAGE_HEADERS = {
@@ -28,7 +30,7 @@ def find_page() -> Path:
     PageNotFoundError
         The page was not built.
     """
-    return _require(STATIC / "index.html")
+    return _require(_PAGE / "index.html")
 
 
 def find_asset(name: str) -> Path:
@@ -41,7 +43,7 @@ def find_asset(name: str) -> Path:
     """
     if not _NAME.fullmatch(name):
         raise PageNotFoundError("The page has no file of this name; load the page again.")
-    return _require(STATIC / "assets" / name)
+    return _require(_PAGE / "assets" / name)
 
 
 def _require(path: Path) -> Path:

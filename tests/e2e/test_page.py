@@ -271,3 +271,19 @@ def test_the_page_is_bound_to_its_own_host_and_its_files_are_cached(server: Serv
     assert (known.status_code, known.content) == (304, b"")
     for name in ("none.js", "..%2Findex.html", "%2e%2e%2findex.html", ".", "main.ts"):
         assert server.client.get(f"/assets/{name}").status_code == 404
+
+
+def test_the_documents_are_there_without_another_host(browser: Browser, server: Server) -> None:
+    with opened(browser, server) as page:
+        page.get_by_role("link", name="Documents").click()
+        expect(page.locator("h1").first).to_contain_text("mpe")
+        page.get_by_role("link", name="API reference").click()
+        expect(page.locator("h3", has_text="Align a source cloud")).to_be_visible()
+        page.keyboard.press("/")
+        page.keyboard.type("overlap")
+        expect(page.locator("a", has_text="overlap").first).to_be_visible()
+    policy = server.client.get("/docs/").headers["Content-Security-Policy"]
+    assert "unsafe" not in policy
+    assert server.client.get("/docs").headers["Location"] == "docs/"
+    for path in ("none.html", "..%2Fpage/index.html", "%2e%2e/page/index.html", "assets"):
+        assert server.client.get(f"/docs/{path}").status_code == 404

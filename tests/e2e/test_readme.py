@@ -1,4 +1,4 @@
-"""Every example of README.md and docs/service.md is run as it is printed."""
+"""Every example of README.md, docs/service.md and docs/curl.md is run as it is printed."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from tests.factories.server import Server
 PROJECT = Path(__file__).parent.parent.parent
 README = (PROJECT / "README.md").read_text()
 SERVICE = (PROJECT / "docs" / "service.md").read_text()
+CURL = (PROJECT / "docs" / "curl.md").read_text()
 MAX_WORDS = 1000
 MARK = "---- end of block ----"
 
@@ -43,7 +44,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def outputs(folder: Path, server: Server) -> list[str]:
     """What each sh block prints; curl is told where port 8000 really is."""
     (folder / ".curlrc").write_text(f'connect-to = "127.0.0.1:8000:127.0.0.1:{server.port}"\n')
-    script = f"\necho '{MARK}'\n".join(blocks(README, "sh") + blocks(SERVICE, "sh"))
+    # those of service.md last: they make a key, and the server then answers nobody without one
+    examples = [example for page in (README, CURL, SERVICE) for example in blocks(page, "sh")]
+    script = f"\necho '{MARK}'\n".join(examples)
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
@@ -60,7 +63,7 @@ def outputs(folder: Path, server: Server) -> list[str]:
 
 
 def test_curl_examples(outputs: list[str], folder: Path) -> None:
-    waited, options, lists, removed, refused, align, known, keys = outputs
+    waited, options, lists, removed, refused, align, *_, known, keys = outputs
     first, second = json.loads(waited), json.loads(options)
     assert first["status"] == second["status"] == "succeeded"
     assert second["options"]["overlap"] == 0.8
@@ -85,6 +88,24 @@ def test_curl_examples(outputs: list[str], folder: Path) -> None:
     assert ["lab", "laptop"] in [line.split()[1:3] for line in keys.strip()[end:].splitlines()]
     assert "T_target_source" in align
     assert (folder / "build/demo/aligned.ply").exists()
+
+
+def test_curl_cookbook(outputs: list[str], folder: Path) -> None:
+    told = outputs[len(blocks(README, "sh")) : -len(blocks(SERVICE, "sh"))]
+    events, pose, _, stored, again, found = told
+    first = json.loads((folder / "build/demo/registration.json").read_text())
+    assert json.loads(pose) == first["result"]["transform"]
+    assert "event: " in events
+    shares = json.loads((folder / "build/demo/deviation.json").read_text())["shares"]
+    assert [each["tolerance"] for each in shares] == [1, 2]
+    assert read_points(folder / "build/demo/distances.ply").points.shape[1] == 3
+    assert " mm" in (folder / "build/demo/report.html").read_text()
+    assert (folder / "build/demo/preview.png").read_bytes().startswith(b"\x89PNG")
+    cloud, end = json.JSONDecoder().raw_decode(stored.strip())
+    assert cloud["id"] == "blade"
+    assert json.loads(stored.strip()[end:])["source"]["sha256"] == first["source"]["sha256"]
+    assert json.loads(again)["id"]
+    assert first["id"] in [item["id"] for item in json.loads(found)["items"]]
 
 
 def test_library_example(folder: Path) -> None:

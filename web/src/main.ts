@@ -22,7 +22,7 @@ function showHeader(): void {
     h("a", { href, "aria-current": location.hash === href || (!location.hash && href === "#/") ? "page" : null }, text);
   header.replaceChildren(
     h("a", { href: "#/", className: "brand" }, h("span", { className: "dot source" }), h("span", { className: "dot target" }), "Registration"),
-    h("nav", { "aria-label": "Pages" }, link("#/", "New"), link("#/registrations", "All registrations"), key),
+    h("nav", { "aria-label": "Pages" }, link("#/", "New"), link("#/registrations", "All registrations"), h("a", { href: "docs/" }, "Documents"), key),
   );
 }
 
