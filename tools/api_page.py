@@ -8,10 +8,10 @@ from typing import Any
 Schema = dict[str, Any]
 
 TEXT = """\
-Every call, its parameters, bodies and answers. `openapi.yaml` in the project and `/openapi.json` of a
-running service say the same for programs. Where keys are in force a call carries the header
-`Authorization: Bearer KEY`. What goes wrong is a [problem document](#problem); [problems](problems.md)
-lists their types.
+Every call, its parameters, bodies and answers. `openapi.yaml` in the project and `/openapi.json` of
+a running service say the same for programs. Where keys are in force a call carries the header
+`Authorization: Bearer KEY`. What goes wrong is a [problem document](#problem);
+[problems](problems.md) lists their types.
 """
 _BOUNDS = {
     "minimum": "at least", "maximum": "at most", "exclusiveMinimum": "more than",

@@ -72,14 +72,14 @@ def move_links(text: str, origin: str, places: dict[str, str]) -> str:
 
     Diagrams stay as text: what draws them comes from another host.
     """
-    here = os.path.dirname(places[origin])
+    here = Path(places[origin]).parent
 
     def move(link: re.Match[str]) -> str:
         words, path, anchor = link[1], link[2], link[3] or ""
-        file = os.path.normpath(os.path.join(os.path.dirname(origin), path))
+        file = os.path.normpath(Path(origin).parent / path)
         if file not in places:
             return words
-        return f"[{words}]({os.path.relpath(places[file], here or '.')}{anchor})"
+        return f"[{words}]({os.path.relpath(places[file], here)}{anchor})"
 
     return _LINK.sub(move, text).replace("```mermaid", "```text")
 

@@ -60,7 +60,9 @@ def test_expressions_ask_for_what_there_is(expression: str, known: dict[str, set
 
 def test_types_of_problems_exist() -> None:
     types = {kind.slug for kind in all_problem_types()}
-    named = [word for each in EXPRESSIONS for word in re.findall(r'(?:type=~|error=)"([^"]+)', each)]
+    named = [
+        word for each in EXPRESSIONS for word in re.findall(r'(?:type=~|error=)"([^"]+)', each)
+    ]
     assert {name for words in named for name in words.split("|")} <= types
 
 

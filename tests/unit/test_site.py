@@ -37,9 +37,7 @@ def test_the_navigation_has_every_page() -> None:
     of_folders = ("decisions/", "results/")
     pages = {place for place in PLACES.values() if place.endswith(".md")}
     assert pages - told == {
-        place
-        for place in pages
-        if place.startswith(of_folders) and not place.endswith("README.md")
+        place for place in pages if place.startswith(of_folders) and not place.endswith("README.md")
     }
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from fastapi import APIRouter, Response
-from fastapi.responses import FileResponse, RedirectResponse
+from fastapi.responses import RedirectResponse
 
+from service.api.download import DownloadResponse
 from service.api.site import SITE_HEADERS, find_document
 
 router = APIRouter(include_in_schema=False)
@@ -19,4 +20,4 @@ def documents() -> Response:
 @router.get("/docs/{path:path}")
 def document(path: str) -> Response:
     """Return a page of the documents or a file of it."""
-    return FileResponse(find_document(path), headers=SITE_HEADERS)
+    return DownloadResponse(find_document(path), headers=SITE_HEADERS)
