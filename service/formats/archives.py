@@ -30,6 +30,17 @@ _MIN_ALLOWED_BYTES = 1 << 20
 _CLUTTER = (".DS_Store", "Thumbs.db", "desktop.ini")
 _SIDECARS = (".mtl", ".png", ".jpg", ".jpeg", ".prj", ".pdf", ".md", ".json", ".xml")
 """Extensions of files that may accompany a cloud; JSON and XML are never its only file."""
+_ABOUT = ("readme", "read_me", "license", "licence", "copying", "changelog")
+"""Beginnings of the names of files that tell about others."""
+_PACKAGES = {
+    "xl/workbook.xml": "an Excel workbook, which is not read: save the sheet as CSV",
+    "word/document.xml": "a Word document, which is not read: send a point cloud",
+    "3dmodel.model": "a 3MF model, which is not read: export it as STL, OBJ or PLY",
+    "/data.pkl": "a PyTorch file, which is not read: save the points as .npy",
+    "3dSceneLayer.json.gz": "an I3S scene (.slpk), which is not read: export it as LAS",
+    "doc.kml": "a KMZ file, which is not read: export its points in metres as lines of x y z",
+}
+"""Archives that are documents: the end of the name of a member, what it is, and what to do."""
 _ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
@@ -85,6 +96,8 @@ def is_single_file_zip(path: Path) -> bool:
 def _only_file(archive: zipfile.ZipFile) -> zipfile.ZipInfo:
     files = [info for info in archive.infolist() if not (info.is_dir() or _is_clutter(info))]
     clouds = [info for info in files if not info.filename.lower().endswith(_SIDECARS)]
+    if (package := _package_of(archive)) is not None:
+        raise UnsupportedFileError(f"the zip archive is {package}")
     if len(clouds) != 1:
         named = next(filter(None, (foreign_by_name(info.filename) for info in clouds)), None)
         names = ", ".join(repr(info.filename[-60:]) for info in (clouds or files)[:9])
@@ -95,10 +108,19 @@ def _only_file(archive: zipfile.ZipFile) -> zipfile.ZipInfo:
     return clouds[0]
 
 
+def _package_of(archive: zipfile.ZipFile) -> str | None:
+    """Describe an archive that is a document of its own; None if it is none."""
+    names = archive.namelist()
+    return next(
+        (text for end, text in _PACKAGES.items() if any(name.endswith(end) for name in names)), None
+    )
+
+
 def _is_clutter(info: zipfile.ZipInfo) -> bool:
-    """Whether an operating system added the file."""
+    """Whether an operating system added the file, or it tells about the others."""
     parts = info.filename.split("/")
-    return "__MACOSX" in parts or parts[-1].startswith("._") or parts[-1] in _CLUTTER
+    is_about = parts[-1].lower().startswith(_ABOUT)
+    return "__MACOSX" in parts or parts[-1].startswith("._") or parts[-1] in _CLUTTER or is_about
 
 
 def _expand(

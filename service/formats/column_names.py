@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Sequence
 
 _XYZ = (
@@ -11,21 +12,40 @@ _XYZ = (
     ("pos_x", "pos_y", "pos_z"),
     ("point_x", "point_y", "point_z"),  # ArcGIS
     ("x1", "y1", "z1"),  # Ouster
-    ("easting", "northing", "elevation"),
-    ("easting", "northing", "height"),
-    ("easting", "northing", "altitude"),
-    ("easting", "northing", "z"),
-    ("east", "north", "up"),
-    ("east", "north", "height"),
-    ("e", "n", "h"),
-    ("rechtswert", "hochwert", "höhe"),
-    ("rechtswert", "hochwert", "hoehe"),
-    ("rechts", "hoch", "höhe"),
-    ("rechts", "hoch", "hoehe"),
     ("points:0", "points:1", "points:2"),  # ParaView
     ("points_0", "points_1", "points_2"),
     ("points_m_xyz:0", "points_m_xyz:1", "points_m_xyz:2"),  # VeloView
 )
+_SURVEY = (
+    frozenset(
+        (
+            *("easting", "eastings", "east", "e", "utm_e", "utme", "e_utm", "x_utm", "utm_x"),
+            *("rechtswert", "rechts", "ostwert", "ost", "este", "est", "x", "coord_x"),
+        )
+    ),
+    frozenset(
+        (
+            *("northing", "northings", "north", "n", "utm_n", "utmn", "n_utm", "y_utm", "utm_y"),
+            *("hochwert", "hoch", "nordwert", "nord", "norte", "y", "coord_y"),
+        )
+    ),
+    frozenset(
+        (
+            *("elevation", "elev", "height", "altitude", "alt", "up", "h", "z", "level"),
+            *("höhe", "hoehe", "cota", "quota", "kote", "altura", "hauteur", "hohe"),
+        )
+    ),
+)
+"""Names of surveyors for east, north and height, in some languages."""
+_PLACE_WORDS = frozenset(
+    (
+        *("", "coord", "coords", "coordinate", "coordinates", "koordinate", "pos", "position"),
+        *("point", "points", "pt", "loc", "location", "world", "local", "global", "cartesian"),
+        *("scan", "xyz", "geometry", "vertex", "map", "utm"),
+    )
+)
+"""Words around the letter of an axis in the names of coordinates: x_coord, point.x, Coord. X."""
+_WORD = re.compile(r"[^a-z0-9]+")
 _NORMALS = (
     ("nx", "ny", "nz"),
     ("normal_x", "normal_y", "normal_z"),
@@ -39,6 +59,7 @@ _VECTORS = (
 )
 """Attributes with a direction, which turn with the cloud."""
 _UNITS = ("_mm", "_cm", "_km", "_m", "_ft", "_in")
+_POLAR = {"range", "azimuth", "theta", "phi", "rho", "bearing", "inclination", "zenith", "distance"}
 _LATITUDES = {"lat", "latitude", "glat", "breite"}
 _LONGITUDES = {"lon", "long", "lng", "longitude", "glon", "laenge", "länge"}
 _COMMON = {
@@ -53,7 +74,8 @@ _COMMON = {
 
 def find_xyz(names: Sequence[str]) -> tuple[int, ...] | None:
     """Find the indices of the columns x, y and z; None unless each is there once."""
-    return _find_triple(names, _XYZ)
+    bare = [_normalize(name) for name in names]
+    return _find_triple(names, _XYZ) or _find_survey(bare) or _find_axes(bare)
 
 
 def find_normals(names: Sequence[str]) -> tuple[int, ...] | None:
@@ -94,6 +116,35 @@ def _find_triple(
         if known.issuperset(triple) and all(bare.count(part) == 1 for part in triple):
             return tuple(bare.index(part) for part in triple)
     return None
+
+
+def _find_survey(bare: Sequence[str]) -> tuple[int, ...] | None:
+    """Find east, north and height by the names of surveyors; x and y alone are not theirs."""
+    found = [[i for i, name in enumerate(bare) if name in known] for known in _SURVEY]
+    if any(len(places) != 1 for places in found):
+        return None
+    return tuple(places[0] for places in found)
+
+
+def _find_axes(bare: Sequence[str]) -> tuple[int, ...] | None:
+    """Find three names that are alike but for the letter of their axis, among words for places."""
+    axes: dict[str, list[tuple[int, str]]] = {"x": [], "y": [], "z": []}
+    for place, name in enumerate(bare):
+        words = _WORD.split(name)
+        letters = [word for word in words if word in axes]
+        others = [word for word in words if word not in axes]
+        if len(letters) == 1 and _PLACE_WORDS.issuperset(others):
+            axes[letters[0]].append((place, " ".join(others)))
+    if any(len(found) != 1 for found in axes.values()):
+        return None
+    columns, kinds = zip(*(found[0] for found in axes.values()), strict=True)
+    return columns if len({*kinds}) == 1 else None
+
+
+def are_other_quantities(names: Sequence[str]) -> bool:
+    """Whether most of the names are known, and are no coordinates along axes."""
+    known = {name for name in _COMMON if len(name) > 1} - _SURVEY[2] | _POLAR
+    return 2 * sum(_normalize(name) in known for name in names) > len(names)
 
 
 def _normalize(name: str) -> str:

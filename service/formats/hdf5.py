@@ -25,7 +25,12 @@ from service.formats.errors import (
     short_reason,
 )
 from service.formats.libraries import import_library
-from service.formats.named_arrays import choose_array, cloud_of_arrays, is_transposed
+from service.formats.named_arrays import (
+    choose_array,
+    cloud_of_arrays,
+    find_axis_arrays,
+    is_transposed,
+)
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _MATLAB_BLOCK_BYTES = 512
@@ -79,14 +84,17 @@ def read_pieces(
 ) -> Iterator[DecodedCloud]:
     """Read as `read` does, in consecutive pieces."""
     with _open_sets(path, scan, limits) as sets:
-        name = choose_array(sets, array)
+        axes = find_axis_arrays(sets) if array is None else None
+        name = axes[0] if axes else choose_array(sets, array)
         count = sets[name].count
         fit = {key: item for key, item in sets.items() if item.count == count}
         lost = len(sets) - len(fit)
         warnings = (f"{lost} data sets of another length are ignored",) if lost else ()
         for rows in iter_ranges(count, sum(item.row_bytes for item in fit.values())):
             arrays = {key: partial(item.read, rows) for key, item in fit.items()}
-            piece = cloud_of_arrays(arrays, "hdf5", weights, name, attributes=attributes)
+            piece = cloud_of_arrays(
+                arrays, "hdf5", weights, None if axes else name, attributes=attributes
+            )
             yield replace(piece, warnings=warnings + piece.warnings)
 
 

@@ -36,7 +36,7 @@ from service.formats.las_metadata import LasMetadata, LasRecord
 from service.formats.libraries import import_library
 
 MAGIC = b"LASF"
-_MIN_HEADER_BYTES = 227
+_MIN_HEADER_BYTES, _HEADER_BYTES_1_4, _HEADER_BYTES_1_5 = 227, 375, 393
 _VLR_BYTES, _EVLR_BYTES = 54, 60
 _CHUNK_POINTS = 100_000
 _MAX_CHUNK_POINTS = 16_000_000
@@ -81,7 +81,7 @@ def read_pieces(
     """Read as `read` does, in consecutive pieces; the last has no points, but the warnings."""
     size = path.stat().st_size
     with path.open("rb") as file:
-        header = _check_header(file.read(375), size, limits)
+        header = _check_header(file.read(_HEADER_BYTES_1_4), size, limits)
     if header.compressed:
         _check_chunk_table(path, header.offset, size)
     name = "laz" if header.compressed else "las"
@@ -111,7 +111,7 @@ def read_crs(path: Path, limits: ReadLimits) -> tuple[LasRecord, ...]:
         The file is damaged or of a kind that is not read; the message names the byte.
     """
     with path.open("rb") as file:
-        _check_header(file.read(375), path.stat().st_size, limits)
+        _check_header(file.read(_HEADER_BYTES_1_4), path.stat().st_size, limits)
     laspy = import_library("laspy")
     with _translate_errors(), laspy.open(path, **_options(laspy)) as file:
         return _crs_records(path, file.header)
@@ -140,12 +140,14 @@ def _check_header(head: bytes, size: int, limits: ReadLimits) -> _PublicHeader:
         raise TruncatedFileError(f"byte {len(head)}: the file ends within the LAS header")
     major, minor = head[24], head[25]
     header_size, offset, records, kind, row, count = struct.unpack_from("<HIIBHI", head, 94)
-    if major != 1 or minor > 4:
-        raise UnsupportedFileError(f"byte 24: LAS version {major}.{minor}; 1.0 to 1.4 are read")
-    if minor == 4:
-        if len(head) < 375 or header_size < 375:
+    if major != 1 or minor > 5:
+        raise UnsupportedFileError(f"byte 24: LAS version {major}.{minor}; 1.0 to 1.5 are read")
+    if minor >= 4:
+        expected = _HEADER_BYTES_1_4 if minor == 4 else _HEADER_BYTES_1_5
+        if len(head) < _HEADER_BYTES_1_4 or header_size < expected:
             raise TruncatedFileError(
-                f"byte 94: the LAS 1.4 header has {min(len(head), header_size)} bytes, expected 375"
+                f"byte 94: the LAS 1.{minor} header has {min(len(head), header_size)} bytes, "
+                f"expected {expected}"
             )
         extended_at, extended, count = struct.unpack_from("<QIQ", head, 235)
         if extended and extended * _EVLR_BYTES > size - extended_at:
@@ -172,7 +174,7 @@ def _check_header(head: bytes, size: int, limits: ReadLimits) -> _PublicHeader:
         raise MalformedFileError("byte 131: a scale or offset is not finite")
     check_count(count, 0 if compressed else row, size - offset, "byte 107", limits)
     check_density(count, size, "byte 107")
-    by_return = struct.unpack_from("<15Q", head, 255) if minor == 4 else ()
+    by_return = struct.unpack_from("<15Q", head, 255) if minor >= 4 else ()
     bounds = np.array(struct.unpack_from("<6d", head, 179)).reshape(3, 2)
     return _PublicHeader(
         count,
@@ -259,7 +261,7 @@ def _read_metadata(header: Any) -> LasMetadata:
     records = tuple(filter(lambda record: record.is_kept, _records(header)))
     scale = float(np.abs(header.scales).min())
     return LasMetadata(
-        str(header.version),
+        min(str(header.version), "1.4"),  # LAS 1.5 is written as LAS 1.4
         int(header.point_format.id),
         scale if np.isfinite(scale) and scale > 0 else None,
         time_type.name == "STANDARD",
@@ -276,7 +278,7 @@ def _records(header: Any) -> Iterator[LasRecord]:
 
 def _crs_records(path: Path, header: Any) -> tuple[LasRecord, ...]:
     """Return the records of the coordinate system, also those after the points."""
-    extended = _extended_records(path) if str(header.version) == "1.4" else ()
+    extended = _extended_records(path) if header.version.minor >= 4 else ()
     return tuple(item for item in (*_records(header), *extended) if item.is_crs)
 
 

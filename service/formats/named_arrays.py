@@ -63,6 +63,8 @@ def cloud_of_arrays(
     CloudFileError
         The arrays have other names, shapes or types.
     """
+    if wanted is None and (axes := find_axis_arrays(arrays)) is not None:
+        arrays = _join_axes(arrays, axes)
     name = choose_array(arrays, wanted)
     array = arrays[name]()
     cloud = to_cloud(array, format)
@@ -89,6 +91,31 @@ def cloud_of_arrays(
     warnings += (f"{ignored} arrays beside {name!r} are ignored",) if ignored else ()
     cloud = DecodedCloud(cloud.points, format, warnings, normals, attributes=kept)
     return cloud if weights is None else with_attribute(cloud, weights, known)
+
+
+def find_axis_arrays(names: Iterable[str]) -> tuple[str, ...] | None:
+    """Return the arrays x, y and z, where no array is that of the points."""
+    names = list(names)
+    bare = [_last_part(name) for name in names]
+    if set(bare) & {*_POINT_ARRAYS} or (places := find_xyz(bare)) is None:
+        return None
+    return tuple(names[place] for place in places)
+
+
+def _join_axes(
+    arrays: Mapping[str, Callable[[], Array]], axes: tuple[str, ...]
+) -> dict[str, Callable[[], Array]]:
+    """Put an array of points in the place of those of its axes."""
+
+    def join() -> Array:
+        columns = [_flat(arrays[name]()) for name in axes]
+        if any(column.ndim != 1 or column.shape != columns[0].shape for column in columns):
+            shapes = ", ".join(f"{name[:40]!r} {arrays[name]().shape}" for name in axes)
+            raise MalformedFileError(f"the coordinates have the shapes {shapes}; expected equal")
+        return np.stack(columns, axis=1)
+
+    others = {name: read for name, read in arrays.items() if name not in axes}
+    return {_POINT_ARRAYS[0]: join} | others
 
 
 def choose_array(names: Iterable[str], wanted: str | None = None) -> str:

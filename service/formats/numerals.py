@@ -11,6 +11,7 @@ _NUMBER = re.compile(
 """Unambiguous, so that matching does not backtrack."""
 MISSING = frozenset(
     (
+        *("<na>", "-", "--", "---", "nil", "missing", "undefined", "no data", "nodata"),
         *("na", "n/a", "null", "none", "-nan", "nan(snan)", "nan(ind)", "-nan(ind)"),
         *("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan", "1.#snan", "-1.#snan", "1.#inf", "-1.#inf"),
     )

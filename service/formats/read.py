@@ -20,7 +20,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.foreign import foreign_format
+from service.formats.foreign import foreign_format, guess_foreign
 from service.formats.kitti import are_float_rows
 from service.formats.las_metadata import LasRecord
 from service.formats.numerals import significant_line
@@ -311,6 +311,8 @@ def _detect(path: Path) -> Format:
             raise UnknownFormatError(f"the file looks like {foreign}")
         names = ", ".join(format.name for format in FORMATS)
         hint = _FLOAT_ROWS if are_float_rows(head) else ""
+        if not hint and (guess := guess_foreign(head)) is not None:
+            raise UnknownFormatError(f"the file looks like {guess}")
         raise UnknownFormatError(
             f"the file begins with {head[:16]!r}: none of the formats {names}{hint}"
         )

@@ -87,7 +87,7 @@ FORMATS = (
     ),
     Format(
         "las",
-        "ASPRS LAS 1.0 to 1.4 and LAZ, scale and offset in float64",
+        "ASPRS LAS 1.0 to 1.5 and LAZ, scale and offset in float64",
         (".las", ".laz"),
         _starts_with(las.MAGIC),
         las.read,

@@ -1,4 +1,4 @@
-"""Text in UTF-16, with a byte order mark, or with CR alone, rewritten as readers expect it."""
+"""Text in UTF-16, with a byte order mark, CR alone or signs of typesetters, rewritten plainly."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 
 _MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _UTF8_MARK = b"\xef\xbb\xbf"
+_TYPESET = {"\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2212": "-"}
+"""Blanks and minus signs of word processors, and what is meant."""
 _BLOCK_CHARACTERS = 1 << 20
 _MIN_SHARE = 0.9
 """Share of zero bytes at every other place from which on text without a mark is UTF-16."""
@@ -21,6 +23,9 @@ def to_plain_head(head: bytes) -> bytes:
         text = head[: len(head) // 2 * 2].decode(encoding, errors="replace")
         head = text.removeprefix("\ufeff").encode()
     head = head.removeprefix(_UTF8_MARK)
+    if _is_typeset(head):
+        for sign, plain in _TYPESET.items():
+            head = head.replace(sign.encode(), plain.encode())
     return head.replace(b"\r", b"\n") if _has_cr_alone(head) else head
 
 
@@ -36,7 +41,8 @@ def rewrite_text(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     warnings = (f"the text is in {encoding.upper()}",) if encoding else ()
     with tempfile.TemporaryDirectory(prefix="text-") as folder:
         plain = Path(folder) / "text"
-        _rewrite(path, plain, encoding or ("utf-8-sig" if head.startswith(_UTF8_MARK) else None))
+        is_utf8 = head.startswith(_UTF8_MARK) or _is_typeset(head)
+        _rewrite(path, plain, encoding or ("utf-8-sig" if is_utf8 else None))
         yield plain, warnings
 
 
@@ -46,9 +52,18 @@ def _rewrite(path: Path, plain: Path, encoding: str | None) -> None:
         plain.open("w", encoding="utf8" if encoding else "latin1", newline="\n") as target,
     ):
         is_first = True
+        signs = str.maketrans(_TYPESET)
         while block := source.read(_BLOCK_CHARACTERS):
+            block = block.translate(signs) if encoding else block
             target.write(block.removeprefix("\ufeff") if is_first else block)
             is_first = False
+
+
+def _is_typeset(head: bytes) -> bool:
+    """Whether it is text in UTF-8 with blanks or minus signs of word processors."""
+    if b"\0" in head or not any(sign.encode() in head for sign in _TYPESET):
+        return False
+    return "\ufffd" not in head.decode("utf8", errors="replace")[:-1]
 
 
 def _has_cr_alone(head: bytes) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from service.formats.column_names import (
     are_column_names,
     are_geographic,
+    are_other_quantities,
     find_normals,
     find_xyz,
 )
@@ -241,7 +242,7 @@ def _unnamed_layout(
             warning = "column 1 is taken for the row index of pandas; columns 2 to 4 are read"
             return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
     if len(fields) == 3:
-        return TextLayout(index, delimiter)
+        return TextLayout(index, delimiter, warnings=_warn_of_three(headers, delimiter))
     if named is not None:
         _refuse_misplaced(named, fields, index)
     for header in headers:
@@ -259,6 +260,30 @@ def _unnamed_layout(
         return TextLayout(index, delimiter)
     warning = f"columns 1, 2 and 3 of {len(fields)} have no names and are read as x, y, z"
     return TextLayout(index, delimiter, warnings=(warning,))
+
+
+def _warn_of_three(headers: Sequence[_Header], delimiter: str | None) -> tuple[str, ...]:
+    """Say which columns are read, where a header calls three columns otherwise.
+
+    Raises
+    ------
+    MalformedFileError
+        They are known to be no coordinates along axes.
+    """
+    for header in headers:
+        for names in header.candidates(delimiter):
+            items = [name.strip().strip("\"'") for name in _without_empty_end(names.items)]
+            if names.xyz or len(items) != 3 or any(not name or is_number(name) for name in items):
+                continue
+            listed = ", ".join(items)[:80]
+            if are_other_quantities(items):
+                raise MalformedFileError(
+                    f"line {header.number}: the columns are called {listed!r}; expected the names "
+                    "x, y and z: convert other coordinates"
+                )
+            if not header.is_comment:
+                return (f"the columns called {listed!r} are read as x, y, z",)
+    return ()
 
 
 def _find_labelled(lines: Sequence[str]) -> TextLayout | None:

@@ -33,7 +33,7 @@ _MAX_COORDINATE = 1e12
 def sniff_stl(head: bytes) -> bool:
     """Whether it is an ASCII solid, or the first triangles of a binary one are plausible."""
     if b"\0" not in head:  # text, or a binary file of more triangles than are read
-        return head.lstrip().startswith(b"solid") and b"facet" in head
+        return _is_ascii_stl(head)
     body = head[_STL_HEADER_BYTES:]
     rows = min(len(body) // _STL_ROW_BYTES, _SNIFFED_TRIANGLES)
     if rows == 0 or struct.unpack_from("<I", head, 80)[0] < rows:
@@ -44,6 +44,11 @@ def sniff_stl(head: bytes) -> bool:
         sizes = np.abs(floats)
         plausible = (sizes < _MAX_COORDINATE) & ((sizes > _MIN_COORDINATE) | (sizes == 0))
     return bool(plausible.all() and (floats[:, 3:] != 0).any())
+
+
+def _is_ascii_stl(head: bytes) -> bool:
+    """Whether it begins with a solid of facets, in letters of either case."""
+    return head.lstrip()[:5].lower() == b"solid" and b"facet" in head.lower()
 
 
 def read_stl(
@@ -146,8 +151,8 @@ def _check_stl(path: Path, limits: ReadLimits) -> None:
         head = file.read(1024)
         file.seek(max(0, size - 1024))
         tail = file.read()
-    if head.lstrip().startswith(b"solid") and b"facet" in head:
-        if b"endsolid" not in tail:
+    if _is_ascii_stl(head):
+        if b"endsolid" not in tail.lower():
             raise TruncatedFileError(f"byte {size}: the file ends before 'endsolid'")
         return
     count = struct.unpack_from("<I", head, 80)[0] if len(head) >= _STL_HEADER_BYTES else 0

@@ -65,6 +65,7 @@ CLUTTERED = {
     "Mac": {"a.ply": ply(), "__MACOSX/._a.ply": b"\0\5\x16\7", ".DS_Store": b"\0\0\0\1Bud1"},
     "Mac, in a folder": {"b/a.ply": ply(), "b/.DS_Store": b"\0", "__MACOSX/b/._a.ply": b"\0"},
     "Windows": {"a.ply": ply(), "Thumbs.db": b"\0", "desktop.ini": b"[a]"},
+    "what tells about it": {"a.ply": ply(), "README.txt": b"hi", "LICENSE": b"free"},
     "OBJ with material and picture": {"a.obj": obj(), "a.mtl": b"newmtl a\n", "a.PNG": b"\x89PNG"},
 }
 
@@ -73,6 +74,15 @@ CLUTTERED = {
 def test_files_beside_the_cloud_are_ignored(tmp_path: Path, case: str) -> None:
     path = write_file(tmp_path, zip_members(**CLUTTERED[case]))
     np.testing.assert_array_equal(read_points(path).points.astype(np.float32), POINTS)
+
+
+@pytest.mark.parametrize(
+    ("member", "words"),
+    [("xl/workbook.xml", "Excel"), ("archive/data.pkl", "PyTorch"), ("3D/3dmodel.model", "3MF")],
+)
+def test_documents_that_are_archives_are_named(tmp_path: Path, member: str, words: str) -> None:
+    with pytest.raises(UnsupportedFileError, match=words):
+        read_points(write_file(tmp_path, zip_members(**{member: b"", "other": b""})))
 
 
 def test_files_of_an_unclear_zip_are_named(tmp_path: Path) -> None:

@@ -79,6 +79,16 @@ def test_an_array_is_chosen_by_its_name(tmp_path: Path, make: Callable[[Arrays],
         read(tmp_path, b"1 2 3\n4 5 6\n", array="left")
 
 
+@pytest.mark.parametrize("make", [hdf5, matlab, matlab_73, lambda arrays: npz(**arrays)])
+def test_one_array_for_each_axis(tmp_path: Path, make: Callable[[Arrays], bytes]) -> None:
+    arrays = dict(zip(("X", "Y", "Z"), POINTS.T, strict=True)) | {"intensity": INTENSITY}
+    cloud = read(tmp_path, make(arrays), attributes=True)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    np.testing.assert_array_equal(cloud.attributes["intensity"], INTENSITY)
+    with pytest.raises(CloudFileError, match="have the shapes"):
+        read(tmp_path, make(arrays | {"Z": POINTS[:9, 2]}))
+
+
 def test_an_array_is_named_with_its_folder(tmp_path: Path) -> None:
     content = hdf5({"a/scan": POINTS, "b/scan": POINTS + 1, "c/points": POINTS + 2})
     np.testing.assert_array_equal(read(tmp_path, content).points, POINTS + 2)

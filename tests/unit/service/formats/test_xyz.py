@@ -141,6 +141,15 @@ BY_NAME = {
     + text_rows(np.ascontiguousarray(POINTS[:, ::-1])),
     "a column that counts": rows(" ", "{i} "),
     "a column of labels": rows(" ", "P{i} "),
+    "surveyors, labels": "Punkt;Ostwert;Nordwert;Höhe\n".encode() + rows(";", "P{i};"),
+    "Spanish": b"id,Este,Norte,Cota\n" + rows(",", "{i},"),
+    "x, y and a height": b"id,x,y,alt\n" + rows(",", "{i},"),
+    "words around the axes": b"id,x_coord,y_coord,z_coord\n" + rows(",", "{i},"),
+    "axes in a folder": b"stamp,point.x,point.y,point.z\n" + rows(",", "{i},"),
+    "two kinds of axes": b"acc.x,acc.y,acc.z,pos.x,pos.y,pos.z\n" + rows(",", "1,2,3,"),
+    "words before the axes": b"//Coord. X,Coord. Y,Coord. Z,R,G,B\n" + rows(",", "", ",1,2,3"),
+    "blanks of a word processor": rows(" ").decode().replace(" ", "\N{NO-BREAK SPACE}").encode(),
+    "minus signs of a word processor": rows(" ").decode().replace("-", "\N{MINUS SIGN}").encode(),
     "empty rows at the end": b"x,y,z,i\n" + rows(",", "", ",{i}") + b",,,\n" * 3,
 }
 
@@ -172,6 +181,8 @@ REFUSED = {
     "poses of KITTI": (b"1 0 0 1.5 0 1 0 2 0 0 1 3\n" * 9, "trajectory"),
     "poses of TUM": (rows(" ", "{i}.5 ", " 0 0 0 1"), "trajectory"),
     "a matrix": (b"1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n", "matrix"),
+    "polar coordinates": (b"range,azimuth,elevation\n" + rows(","), "convert other coordinates"),
+    "axes that are no place": (b"t,acc.x,acc.y,acc.z\n" + rows(",", "{i},"), "expected the names"),
     "commas for both": (b"1,083,-2,128,3,004\n1,5,2,5,3,007\n", "as well as separators"),
 }
 
@@ -187,9 +198,13 @@ def test_what_contradicts_is_refused(tmp_path: Path, case: str) -> None:
 def test_the_columns_that_were_taken_are_named(tmp_path: Path) -> None:
     cloud = decode(tmp_path, b"made by hand\n" + rows(" ", "", " {i}"))
     assert "columns 1, 2 and 3 of 4" in " ".join(cloud.warnings)
+    cloud = decode(tmp_path, b"left,right,over\n" + rows(","))
+    assert "'left, right, over' are read as x, y, z" in " ".join(cloud.warnings)
 
 
-@pytest.mark.parametrize("word", ["", "NA", "-1.#IND", "-nan(ind)", "1.#QNAN", "null"])
+@pytest.mark.parametrize(
+    "word", ["", "NA", "-1.#IND", "-nan(ind)", "1.#QNAN", "null", "<NA>", "--"]
+)
 def test_rows_without_values_are_nan(tmp_path: Path, word: str) -> None:
     lines = text_rows(POINTS, ",").splitlines()
     lines[5] = ",".join([word] * 3).encode()
