@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.assess.completeness import Completeness
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, MAX_CONTRAST, Evidence
 from mpe_core.assess.free_space import FreeSpace
 from mpe_core.assess.layer_match import LayerMatch
@@ -252,7 +253,20 @@ class PosePipeline:
 
     def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Add to the evidence of each pose how it compares with the others."""
-        return _contrasted(self._with_layer_support(poses))
+        return self._with_only_complete(_contrasted(self._with_layer_support(poses)))
+
+    def _with_only_complete(self, poses: list[ScoredPose]) -> list[ScoredPose]:
+        """Mark the pose that alone explains every point of both clouds."""
+        if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO:
+            return poses
+        ordered = sorted(poses, key=lambda pose: pose.evidence.score, reverse=True)
+        distinct = select_distinct(ordered)
+        row = self._completeness.find_only(
+            [pose.minimum.T for pose in distinct], [pose.evidence for pose in distinct]
+        )
+        if row is None:
+            return poses
+        return [_beside_only_complete(pose, distinct[row]) for pose in poses]
 
     def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""
@@ -273,6 +287,10 @@ class PosePipeline:
             return None
         pair = level_clouds(self.source, self.target)
         return None if pair is None else LayerMatch(pair)
+
+    @cached_property
+    def _completeness(self) -> Completeness:
+        return Completeness(self.source.fine, self.target.fine, self._regime)
 
     @cached_property
     def _lattice(self) -> NearestLattice:
@@ -315,9 +333,21 @@ def _contrasted(poses: list[ScoredPose]) -> list[ScoredPose]:
     best = distinct[0]
     second = distinct[1].evidence.score if len(distinct) > 1 else -np.inf
     return [
-        replace(pose, evidence=replace(pose.evidence, contrast=_contrast(pose, best, second)))
+        replace(
+            pose,
+            evidence=replace(
+                pose.evidence, contrast=_contrast(pose, best, second), explains_all=False
+            ),
+        )
         for pose in poses
     ]
+
+
+def _beside_only_complete(pose: ScoredPose, only: ScoredPose) -> ScoredPose:
+    """Mark the pose as the only one that explains all, or as one that does not."""
+    is_only = are_close(pose.minimum.T, only.minimum.T)
+    marked = {"explains_all": True} if is_only else {"contrast": -MAX_CONTRAST}
+    return replace(pose, evidence=replace(pose.evidence, **marked))
 
 
 def _contrast(pose: ScoredPose, best: ScoredPose, second: float) -> float:
@@ -335,7 +365,7 @@ def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
 
 def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
-    if not best.accepted:
+    if not best.accepted or best.explains_all:
         return False
     if (
         other.convinces

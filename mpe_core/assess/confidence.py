@@ -102,6 +102,8 @@ class Evidence:
     None where the clouds show no ground, or not the same at the pose."""
     contrast: float | None = None
     """Score of the pose less that of the best different one; None where no other was compared."""
+    explains_all: bool = False
+    """Whether the pose alone explains every point of both clouds, beside others that nearly do."""
     degenerate_dof: int = 0
     """Number of directions in which the surfaces slide on themselves; counted only beyond
     MAX_CALIBRATED_SIZE_RATIO."""
@@ -117,7 +119,8 @@ class Evidence:
         excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
         odds, best = self.score, self._model.best
         if self.contrast is not None and best is not None:
-            odds = best[0] * odds + best[1] * min(self.contrast, MAX_CONTRAST) + best[2]
+            contrast = MAX_CONTRAST if self.explains_all else min(self.contrast, MAX_CONTRAST)
+            odds = best[0] * odds + best[1] * contrast + best[2]
         return odds - (2 + self.degenerate_dof) * float(np.log(excess))
 
     @property
@@ -169,5 +172,5 @@ class Evidence:
         """
         if self.shape_correlation is not None or self.free_space_violation is not None:
             # of poses that score alike the one that explains more of the cloud
-            return self.convinces, self.score + self.on_surface_fraction
+            return self.convinces or self.explains_all, self.score + self.on_surface_fraction
         return self.accepted, self.on_surface_fraction * self.surface_agreement

@@ -16,8 +16,9 @@ from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_p
 Array = NDArray[np.float64]
 
 DEGENERACY_THRESHOLD = 2e-3
-"""Mean squared share of a unit motion along the normals under which a direction is degenerate:
-between the sliding directions of simple shapes and the worst of real scans (docs/tuning.md)."""
+"""Mean squared share of a unit motion along the normals under which a direction is degenerate,
+unless a small feature holds it: between simple shapes and the worst of real scans
+(docs/tuning.md)."""
 
 DERIVATIVE_STEP = 0.3
 """Step of the numerical derivative over the cut-off of the residuals. The points must change their
@@ -64,36 +65,54 @@ class PoseUncertainty:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class MotionAxes:
+    """Small motions, independent in what the surfaces tell of them; columns of (6, K)."""
+
+    known: Array
+    """Motions that the surfaces resist."""
+    free: Array
+    """Motions in which they slide on themselves."""
+
+    @staticmethod
+    def of(information: Array, motion_basis: Array) -> MotionAxes:
+        """Split the motion basis (6, K) by the information (K, K) over it."""
+        value, axes = np.linalg.eigh(information)
+        is_free = value < DEGENERACY_THRESHOLD
+        return MotionAxes(motion_basis @ axes[:, ~is_free], motion_basis @ axes[:, is_free])
+
+    def with_held(self, is_held: NDArray[np.bool_]) -> MotionAxes:
+        """Count free motions as known where `is_held` (K,)."""
+        known = np.concatenate([self.known, self.free[:, is_held]], axis=1)
+        return MotionAxes(known, self.free[:, ~is_held])
+
+
 def point_to_plane_uncertainty(
     sample: Sample,
     planes: TargetPlanes,
     T: Array,
-    information: Array,
-    motion_basis: Array,
+    axes: MotionAxes,
     *,
     smooth: bool,
+    derivative_points: int = DERIVATIVE_POINTS,
 ) -> PoseUncertainty:
     """Estimate the uncertainty of a minimum of `minimize_point_to_plane`.
 
     The sandwich N^-1 B N^-1 of an M-estimator (Huber 1967): N is the derivative of the gradient, in
     which points change their planes, and B the scatter of the gradient over patches of the surface
     as wide as a plane (Liang and Zeger 1986), since points of one patch share the errors of their
-    planes. The information (K, K) over the motion basis (6, K) tells the degenerate directions.
+    planes. Small features need more points of the derivative than the rest.
     """
     matches = match_planes(sample, planes, T, smooth=smooth)
     gradients = _gradients(matches, planes.cutoff)
-    N = _stiffness(sample, planes, T, smooth=smooth)
+    N = _stiffness(sample, planes, T, derivative_points, smooth=smooth)
     B = _scatter_over_patches(matches, gradients, planes.radius)
-    return sandwich_covariance(N, B, information, motion_basis)
+    return sandwich_covariance(N, B, axes)
 
 
-def sandwich_covariance(
-    N: Array, B: Array, information: Array, motion_basis: Array
-) -> PoseUncertainty:
-    """Compute N^-1 B N^-1 in the directions that the information does not call degenerate."""
-    value, axes = np.linalg.eigh(information)
-    free = motion_basis @ axes[:, value < DEGENERACY_THRESHOLD]
-    known = motion_basis @ axes[:, value >= DEGENERACY_THRESHOLD]
+def sandwich_covariance(N: Array, B: Array, axes: MotionAxes) -> PoseUncertainty:
+    """Compute N^-1 B N^-1 in the directions that are known."""
+    free, known = axes.free, axes.known
     half = np.linalg.solve(known.T @ N @ known, known.T)
     covariance = free @ free.T + half.T @ (known.T @ B @ known) @ half
     return PoseUncertainty(covariance, np.ascontiguousarray(free.T))
@@ -163,12 +182,14 @@ def _scatter_over_patches(matches: Correspondences, gradients: Array, patch: flo
     return _sum_of_products(sums, sums)
 
 
-def _stiffness(sample: Sample, planes: TargetPlanes, T: Array, *, smooth: bool) -> Array:
+def _stiffness(
+    sample: Sample, planes: TargetPlanes, T: Array, count: int, *, smooth: bool
+) -> Array:
     """(6, 6) derivative of the gradient, by central differences.
 
     Held between a twentieth of the stiffness with fixed planes and all of it.
     """
-    subset = sample.subset(DERIVATIVE_POINTS)
+    subset = sample.subset(count)
     share = len(subset.points) / len(sample.points)
     step = DERIVATIVE_STEP * planes.cutoff
 

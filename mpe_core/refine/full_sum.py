@@ -14,7 +14,7 @@ from mpe_core.geometry.rigid import apply, cross_matrix, inverse
 from mpe_core.geometry.sampling import take_every
 from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.kernels.rigid_motion import update_pose
-from mpe_core.refine.covariance import PoseUncertainty, sandwich_covariance
+from mpe_core.refine.covariance import MotionAxes, PoseUncertainty, sandwich_covariance
 from mpe_core.refine.minimum import Minimum
 from mpe_core.refine.point_to_plane import STEP_TOL
 from mpe_core.refine.refiner import Refiner
@@ -153,7 +153,9 @@ def full_sum_uncertainty(
     unit = 1 / np.sqrt(np.where(here.scale > 0, here.scale, 1))
     H = here.hessian * np.outer(unit, unit)
     B = np.einsum("ni,nj->ij", here.pulls, here.pulls) * np.outer(unit, unit)
-    scaled = sandwich_covariance(H, B, motion_basis.T @ H @ motion_basis, motion_basis)
+    scaled = sandwich_covariance(
+        H, B, MotionAxes.of(motion_basis.T @ H @ motion_basis, motion_basis)
+    )
     return scaled.transformed_by(np.diag(unit)).with_origin(-here.centre)
 
 

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from mpe_core.clouds.preprocess import PreparedCloud, Sample
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
+from mpe_core.geometry.sampling import take_every
 from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.options import RegistrationOptions
 from mpe_core.refine import covariance
-from mpe_core.refine.covariance import PoseUncertainty
+from mpe_core.refine.covariance import DERIVATIVE_POINTS, MotionAxes, PoseUncertainty
 from mpe_core.refine.minimum import Criterion, Minimum
 from mpe_core.refine.regime import Regime
+from mpe_core.refine.small_features import is_held
 from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
 
 Array = NDArray[np.float64]
@@ -35,6 +37,9 @@ refined: smoothing then evens out noise rather than shape (docs/tuning.md)."""
 
 SUBSET_POINTS = 1000
 """Points of the sample that preselection, the choice of smoothing and the degeneracy test use."""
+
+FEATURE_POINTS = 20_000
+"""Points, or up to twice as many, in which small features are looked for where surfaces slide."""
 
 PRESELECT_STEPS = 10
 """Bound on the steps of the refinement that preselects candidates."""
@@ -120,14 +125,24 @@ class PointToPlane:
 
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the origin of the fixed cloud."""
-        smooth = minimum.criterion == "smoothed_point_to_plane"
+        smooth, T = minimum.criterion == "smoothed_point_to_plane", minimum.T
+        sliding = MotionAxes.of(self._information(T), self._motion_basis)
+        is_held = self._are_held(T, sliding)
         return covariance.point_to_plane_uncertainty(
             self._smoothed_sample if smooth else self._sample,
             self._planes,
-            minimum.T,
-            self._information(minimum.T),
-            self._motion_basis,
+            T,
+            sliding.with_held(is_held),
             smooth=smooth,
+            derivative_points=len(self._sample.points) if is_held.any() else DERIVATIVE_POINTS,
+        )
+
+    def _are_held(self, T: Array, sliding: MotionAxes) -> NDArray[np.bool_]:
+        """(K,) whether small features resist the free motions at the pose T."""
+        sample = Sample(take_every(self._moving.fine, FEATURE_POINTS), None)
+        return np.array(
+            [is_held(sample, self._planes, T, axis, sliding.known) for axis in sliding.free.T],
+            np.bool_,
         )
 
     def _minimize(
