@@ -8,7 +8,7 @@ from benchmarks.families import FAMILIES_EXPERIMENT
 from benchmarks.free_space import FREE_SPACE_EXPERIMENT
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
-from benchmarks.kinds import KINDS_EXPERIMENT
+from benchmarks.kinds.experiment import KINDS_EXPERIMENT
 from benchmarks.pairs import PAIRS
 from benchmarks.parts import PARTS
 from benchmarks.scaling import SCALING

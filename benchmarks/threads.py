@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +19,12 @@ from benchmarks.experiment import DATA, PROJECT, Experiment, Result, markdown
 PAIRS = ("bunny_bun045_bun000", "dragon_24_0", "kitti10m_010", "livingroom1_1_0")
 ROUNDS = 3
 BUSY = (0, 2, 8)
+ONE_CORE, THROTTLED = "one core for all threads", "stopped beyond one core's time"
+MAX_SLOWER = 1.1
+"""Time of all threads over that of one up to which threads do no harm."""
+
+PERIOD = 0.02
+"""Seconds between two looks of the throttle at the time that a process has used."""
 WAYS = {
     "1 thread": {"NUMBA_NUM_THREADS": "1"},
     "all threads": {},
@@ -42,25 +51,50 @@ def run() -> Result:
         for busy in BUSY:
             with _busy_processes(busy):
                 rows += [_row(way, f"{busy} busy processes") for way in WAYS]
-        rows += [_row(way, "one core for all threads") for way in WAYS]
+        for limited in (ONE_CORE, THROTTLED):
+            rows += [_row(way, limited) for way in WAYS]
     return {"rows": rows}
 
 
 def _row(way: str, beside: str) -> Result:
-    where = "core" if "core" in beside else "all"
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMP_", "GOMP_"))}
     environment |= {k: v for k, v in WAYS[way].items() if v}
-    done = subprocess.run(
-        [sys.executable, "-c", MEASURE, where, ",".join(PAIRS)],
+    process = subprocess.Popen(
+        [sys.executable, "-c", MEASURE, "core" if beside == ONE_CORE else "all", ",".join(PAIRS)],
         env=environment | {"MPE_DATA": str(DATA)},
         cwd=PROJECT,
-        capture_output=True,
+        stdout=subprocess.PIPE,
         text=True,
-        check=True,
     )
-    row = {"way": way, "beside": beside, "seconds": float(done.stdout)}
+    if beside == THROTTLED:
+        _throttle(process)
+    output, _ = process.communicate()
+    if process.returncode:
+        raise RuntimeError(f"the measurement ended with {process.returncode}: see its error above")
+    row = {"way": way, "beside": beside, "seconds": float(output)}
     print(json.dumps(row), flush=True)
     return row
+
+
+def _throttle(process: subprocess.Popen[str]) -> None:
+    """Stop the process while it has used more than the time of one core, of late."""
+    credit, is_stopped = PERIOD, False
+    then, used = time.monotonic(), 0.0
+    while process.poll() is None:
+        now, total = time.monotonic(), _used(process.pid)
+        credit = min(PERIOD, credit + (now - then) - (total - used))
+        then, used = now, total
+        if (credit < 0) != is_stopped:
+            is_stopped = credit < 0
+            process.send_signal(signal.SIGSTOP if is_stopped else signal.SIGCONT)
+        time.sleep(PERIOD)
+
+
+def _used(pid: int) -> float:
+    """Processor time of a process and its threads, in seconds."""
+    stat = Path(f"/proc/{pid}/stat").read_text()
+    fields = stat.rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @contextmanager
@@ -85,10 +119,16 @@ def table(result: Result) -> str:
             [r["seconds"] for r in result["rows"] if (r["way"], r["beside"]) == (way, beside)]
             for way in WAYS
         ]
-        rows.append((beside, *(float(np.median(each)) for each in seconds)))
+        medians = [float(np.median(each)) for each in seconds]
+        slower = medians[1] / medians[0]
+        verdict = "as wanted" if slower <= MAX_SLOWER else "slower"
+        rows.append((beside, *medians, slower, verdict))
     return (
         f"Seconds of {len(PAIRS)} real pairs, median of {ROUNDS} rounds in turn, each in a process "
-        "of its own that is warm.\n\n" + markdown(("beside", *WAYS), rows)
+        f"of its own that is warm, on {os.cpu_count()} cores. Wanted: all threads take at most "
+        f"{MAX_SLOWER} of the time of one. A throttle stops the process while it has used more "
+        "than the time of one core.\n\n"
+        + markdown(("beside", *WAYS, "all threads over one", "verdict"), rows)
     )
 
 

@@ -28,6 +28,31 @@ def _key(count: int, rng: np.random.Generator) -> Array:
     return points
 
 
+def mug_on_table(count: int, rng: np.random.Generator) -> Array:
+    """Return a table 2 by 1.6, and a mug off its middle with a handle: 5 % of the points."""
+    table = rng.uniform(-1, 1, (count, 3)) * (1, 0.8, 0)
+    few = count // 25
+    angle, z = rng.uniform(0, 2 * np.pi, few), rng.uniform(0, 0.25, few)
+    mug = np.column_stack([0.12 * np.cos(angle), 0.12 * np.sin(angle), z])
+    few = count // 100
+    angle, around = rng.uniform(-np.pi / 2, np.pi / 2, few), rng.uniform(0, 2 * np.pi, few)
+    reach = 0.07 + 0.015 * np.cos(around)
+    handle = np.column_stack(
+        [0.12 + reach * np.cos(angle), 0.015 * np.sin(around), 0.125 + reach * np.sin(angle)]
+    )
+    place = np.array([0.3, -0.2, 0])
+    points = np.vstack([table, mug + place, handle + place])
+    return points + rng.normal(0, 0.001, points.shape)
+
+
+def comb(rng: np.random.Generator, start: float, teeth: int = 9) -> Array:
+    """Return a wall with equal teeth 1 apart, from the tooth `start`, and the floor before it."""
+    x, z = rng.uniform(start, start + teeth, 9000), rng.uniform(0, 3, 9000)
+    wall = np.column_stack([x, np.where(np.abs(x % 1 - 0.5) < 0.2, 0.3, 0.0), z])
+    along, out = rng.uniform(start, start + teeth, 3000), -rng.uniform(0, 2, 3000)
+    return np.vstack([wall, np.column_stack([along, out, np.zeros(3000)])])
+
+
 def bumpy_ball(count: int, seed: int, rng: np.random.Generator) -> Array:
     """Return random points of a ball of radius about 0.5 whose bumps follow from the seed."""
     shape = np.random.default_rng(seed)
@@ -69,10 +94,10 @@ def lay_on_table(part: Array, others: list[Array], rng: np.random.Generator) -> 
     """Return the points of a table 3.2 wide, of a part on it, and of others around that."""
     table = np.column_stack([rng.uniform(-1.6, 1.6, (60_000, 2)), np.zeros(60_000)])
     around = [
-        other + [0.95 * np.cos(a), 0.95 * np.sin(a), -other[:, 2].min()]
+        other + np.array([0.95 * np.cos(a), 0.95 * np.sin(a), -other[:, 2].min()])
         for other, a in zip(others, rng.uniform(0, 2 * np.pi, len(others)), strict=True)
     ]
-    return np.vstack([part - [0, 0, part[:, 2].min()], table, *around])
+    return np.vstack([part - np.array([0, 0, part[:, 2].min()]), table, *around])
 
 
 def seen_from(points: Array, eye: Array, pixel: float = 0.006, behind: float = 0.04) -> Array:

@@ -23,9 +23,7 @@ def turned(degrees):
 
 def find_only(*, has_key, degrees):
     rng = np.random.default_rng(0)
-    source, target = (
-        shaft(20_000, rng, has_key=has_key).astype(np.float32) for _ in range(2)
-    )
+    source, target = (shaft(20_000, rng, has_key=has_key).astype(np.float32) for _ in range(2))
     poses = [turned(each) for each in degrees]
     return Completeness(source, target, REGIME).find_only(poses, [FITS] * len(poses))
 

@@ -11,6 +11,7 @@ from mpe_core.assess.near_start import prefer_near_start
 from mpe_core.geometry.rigid import apply, axis_rotation, pose, rotation_error
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import knot, moved, random_rotation
+from tests.factories.parts import comb
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,6 @@ def test_the_near_one_wins_unless_it_fits_worse():
     assert first(far, best) is best
     refused = scored(0.3, 1.0)
     assert first(refused, scored(0.25, 0.0)) is refused
-
-
-def comb(rng, start, teeth=9):
-    """A wall with equal teeth 1 apart, from the tooth `start`."""
-    x, z = rng.uniform(start, start + teeth, 9000), rng.uniform(0, 3, 9000)
-    wall = np.column_stack([x, np.where(np.abs(x % 1 - 0.5) < 0.2, 0.3, 0.0), z])
-    along, out = rng.uniform(start, start + teeth, 3000), -rng.uniform(0, 2, 3000)
-    return np.vstack([wall, np.column_stack([along, out, np.zeros(3000)])])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -1,0 +1,1 @@
+"""Kinds of trouble in clouds as they come, and how registrations fare."""
