@@ -9,7 +9,7 @@ PORT ?= 8000
 FUZZ_SECONDS ?= 300
 SOAK_SECONDS ?= 3600
 
-.PHONY: help setup page site run demo test coverage chaos soak check format openapi lock bench paper peers fuzz clean
+.PHONY: help setup page site run demo cluster test coverage chaos soak check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -50,6 +50,10 @@ run: setup  ## serve on HOST:PORT (127.0.0.1:8000)
 demo: setup  ## align two generated scans of a turbine blade, or SOURCE=a.ply TARGET=b.ply
 	$(PY) -m benchmarks.demo $(if $(SOURCE),--source "$(SOURCE)") $(if $(TARGET),--target "$(TARGET)")
 
+cluster: setup  ## PostgreSQL, an S3 store, 2 services for the API, 2 workers on one machine; the demo; PORT
+	@tools/install_system_packages postgresql
+	$(PY) -m benchmarks.cluster_demo --port $(PORT)
+
 test: setup  ## all tests
 	@tools/install_system_packages $(TEST_PACKAGES)
 	$(PY) -m pytest $(IN_PARALLEL)
@@ -61,8 +65,10 @@ coverage: setup  ## all tests, with the coverage of both packages
 # one process more than cores, because many tests wait; e2e first, small unit tests fill the end
 IN_PARALLEL = --numprocesses $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 
-chaos: setup  ## 300 jobs while the server is killed, suspended and its clock set, 25 times
+chaos: setup  ## 300 jobs while the server is killed, suspended and its clock set, 25 times; 500 in a cluster
+	@tools/install_system_packages postgresql
 	$(PY) -m tests.e2e.chaos
+	$(PY) -m tests.e2e.cluster_chaos
 
 soak: setup  ## an hour of 64 clients, some hostile, kills, suspensions, full disks (SOAK_SECONDS)
 	$(PY) -m tests.e2e.soak --seconds $(SOAK_SECONDS)

@@ -2,6 +2,7 @@
 
 from benchmarks.calibration import CALIBRATION
 from benchmarks.closure import CLOSURE
+from benchmarks.cluster import CLUSTER
 from benchmarks.confidence import CONFIDENCE
 from benchmarks.experiment import main
 from benchmarks.families import FAMILIES_EXPERIMENT
@@ -11,6 +12,7 @@ from benchmarks.kernels import KERNELS
 from benchmarks.kinds.experiment import KINDS_EXPERIMENT
 from benchmarks.pairs import PAIRS
 from benchmarks.parts import PARTS
+from benchmarks.queue import QUEUE
 from benchmarks.scaling import SCALING
 from benchmarks.scenes import SCENES_EXPERIMENT
 from benchmarks.service_load import LOAD
@@ -33,6 +35,8 @@ if __name__ == "__main__":
             SCALING,
             THREADS,
             LOAD,
+            QUEUE,
+            CLUSTER,
         ],
         "python -m benchmarks",
     )

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--source", type=Path, help="the cloud that is moved")
     parser.add_argument("--target", type=Path, help="the cloud that stays")
+    parser.add_argument("--url", help="of a service that runs; otherwise one is started")
     given = parser.parse_args()
     if (given.source is None) != (given.target is None):
         parser.error("give SOURCE and TARGET, or neither")
@@ -45,7 +46,7 @@ def main() -> int:
         source, target, truth = given.source, given.target, None
     else:
         source, target, truth = _scanned_blade()
-    with _service() as url:
+    with nullcontext(given.url) if given.url else _service() as url:
         job = _post(url, source, target)
     if job is None or job.get("result") is None:
         return 1

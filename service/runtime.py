@@ -19,7 +19,7 @@ from service.clouds.appends import ActiveAppends
 from service.clouds.shared_uploads import SharedUploadStore
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
-from service.database.engine import Database
+from service.database.engine import Database, Listening
 from service.database.store import open_store
 from service.jobs.announcements import Announcement
 from service.jobs.idempotency import Idempotency, InFlightKeys
@@ -50,7 +50,7 @@ from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
 
 DEADLINE_INTERVAL_S = 0.5
-"""Interval of the looks for waiting registrations whose deadline has passed."""
+"""Interval of the looks for deadlines and leases that have passed, in seconds."""
 
 log = logging.getLogger(__name__)
 
@@ -115,9 +115,14 @@ class Runtime:
         self.workers.notify_all()
         self.notifier.wake_all()
 
-    def drain(self, grace_s: float) -> None:
-        """Begin no more jobs, requeue those that run after the grace, and wake all who wait."""
-        self.workers.stop(grace_s)
+    def drain(self) -> None:
+        """Be ready no longer; then begin no more jobs, requeue those that run after the grace.
+
+        All who wait are woken at the end.
+        """
+        self.workers.leave()
+        time.sleep(self.settings.shutdown_delay_s)
+        self.workers.stop(self.settings.shutdown_grace_s)
         self.notifier.wake_all()
 
 
@@ -156,7 +161,6 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
         uploads = _open_uploads(settings, database, clouds, blobs)
         notifier = JobNotifier()
         jobs = JobQueries(database)
-        metrics.watch(jobs)
         transitions = JobTransitions(
             database,
             queue_limit=settings.queue_limit,
@@ -185,18 +189,18 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
         stack.callback(stop_forkserver)
         runtime.slots.begin()
         stack.callback(_withdraw, runtime)
+        listening = stack.enter_context(closing(database.listen(runtime.hear, runtime.look_again)))
+        metrics.watch(jobs, runtime.slots.count, lambda: listening.is_leader)
         parts: list[_Part] = [
             runtime.workers,
-            Maintenance([transitions.fail_overdue], DEADLINE_INTERVAL_S),
-            Maintenance(_maintenance_tasks(runtime), settings.maintenance_interval_s),
+            Maintenance(_urgent_tasks(runtime, listening), DEADLINE_INTERVAL_S),
+            Maintenance(_maintenance_tasks(runtime, listening), settings.maintenance_interval_s),
             Maintenance([runtime.slots.announce], ANNOUNCE_INTERVAL_S),
+            WebhookSender(jobs, runtime.outbox, settings, is_leader=lambda: listening.is_leader),
         ]
-        if role != "worker":
-            parts.append(WebhookSender(jobs, runtime.outbox, settings))
         for part in parts:
             part.start()
             stack.callback(part.stop)
-        stack.enter_context(closing(database.listen(runtime.hear, runtime.look_again)))
         stack.callback(runtime.exporter.stop)
         yield runtime
 
@@ -215,25 +219,45 @@ def _withdraw(runtime: Runtime) -> None:
         runtime.slots.withdraw()
 
 
-def _maintenance_tasks(runtime: Runtime) -> list[MaintenanceTask]:
+def _once_for_all(task: MaintenanceTask, listening: Listening) -> MaintenanceTask:
+    """Return a task that does something only in the service that leads."""
+    return lambda: task() if listening.is_leader else None
+
+
+def _urgent_tasks(runtime: Runtime, listening: Listening) -> list[MaintenanceTask]:
+    """Return the tasks that callers wait for."""
+    transitions = runtime.transitions
+    return [
+        _once_for_all(transitions.fail_overdue, listening),
+        _once_for_all(lambda: transitions.expire_leases(runtime.workers.held_jobs()), listening),
+    ]
+
+
+def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[MaintenanceTask]:
     """Return the tasks in their order: what makes room first, rows before the files they need."""
     settings, database = runtime.settings, runtime.database
     decoded = DecodedCache(settings.data_dir)
 
+    def needed() -> set[str]:
+        return find_needed_blobs(database)
+
     def collect_blobs() -> None:
-        removed = runtime.blobs.collect(
-            lambda: find_needed_blobs(database), now=time.time(), grace_s=settings.blob.grace_s
-        )
+        removed = runtime.blobs.collect(needed, now=time.time(), grace_s=settings.blob.grace_s)
         if removed:
             log.info("removed %d unused files", removed)
+
+    def collect_shared_blobs() -> None:
+        removed = runtime.blobs.collect_shared(needed, grace_s=settings.blob.grace_s)
+        if removed:
+            log.info("removed %d unused objects of the bucket", removed)
 
     return [
         runtime.disk.adjust_fallback,
         lambda: discard_scratch(settings.data_dir),
         runtime.uploads.drop_expired,
-        lambda: runtime.transitions.expire_leases(runtime.workers.held_jobs()),
-        lambda: drop_expired(database),
+        _once_for_all(lambda: drop_expired(database), listening),
         collect_blobs,
+        _once_for_all(collect_shared_blobs, listening),
         lambda: decoded.collect(find_cloud_blobs(database)),
         lambda: http_cache.prune(settings.data_dir, runtime.blobs),
     ]

@@ -74,7 +74,7 @@ class DrainingServer(uvicorn.Server):
     def _drain(self, sig: int, frame: FrameType | None) -> None:
         runtime: Runtime | None = getattr(self._app.state, "runtime", None)
         if runtime is not None:
-            runtime.drain(runtime.settings.shutdown_grace_s)
+            runtime.drain()
         super().handle_exit(sig, frame)
 
 

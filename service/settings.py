@@ -288,6 +288,10 @@ class Settings(BaseSettings):
     """
     queue_limit: PositiveInt = 1000
     """Maximum number of registrations that wait; more are answered 429."""
+    lease_s: PositiveFloat = 15
+    """Time after which the registrations of a service that no longer answers are run again by
+    others, in seconds; a service that lives says so three times as often.
+    """
     job_timeout_s: PositiveFloat = 600
     """Time limit of one attempt at a registration, in seconds; it is killed then."""
     job_memory_bytes: int = Field(default_factory=_default_job_memory, ge=256 * MEBIBYTE)
@@ -297,6 +301,10 @@ class Settings(BaseSettings):
     require_sandbox: bool = False
     """Whether to refuse to start where the kernel lacks a part of the sandbox, Landlock or
     seccomp.
+    """
+    shutdown_delay_s: NonNegativeFloat = 0
+    """Time after SIGTERM in which calls are taken as before while /readyz is 503, so that a proxy
+    sends them elsewhere before they are refused, in seconds.
     """
     shutdown_grace_s: NonNegativeFloat = 30
     """Time that running registrations have to end after SIGTERM, in seconds."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 from uuid import uuid4
@@ -39,9 +38,12 @@ class Submission:
         parameters = self.parameters.model_dump(mode="json", include=fields)
         return hash_json([asdict(self.source), asdict(self.target), parameters])
 
-    def to_job(self, tenant: str) -> JobRow:
-        """Return a new job of the tenant that does what was asked for."""
-        wanted, now = self.parameters, time.time()
+    def to_job(self, tenant: str, now: float) -> JobRow:
+        """Return a new job of the tenant that does what was asked for.
+
+        `now` is the time of the database's clock.
+        """
+        wanted = self.parameters
         options = asdict(wanted.options)
         return JobRow(
             id=str(uuid4()),

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Literal
 
+from service.cli.admin import add_admin, run_admin
 from service.cli.align import add_align, run_align
 from service.cli.align_arguments import protect_negative_numbers
 from service.cli.backup import add_backup, back_up, check, restore
@@ -26,6 +27,7 @@ def run_command(arguments: Sequence[str]) -> int:
         "serve": _serve,
         "worker": _work,
         "keys": _keys,
+        "admin": _administer,
         "backup": _copy,
         "restore": _copy,
         "check": _copy,
@@ -56,6 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_keys(commands)
     add_backup(commands)
+    add_admin(commands)
     commands.add_parser(
         "doctor", help="print cores, memory, parts of the sandbox, and whether workers start"
     )
@@ -109,6 +112,16 @@ def _copy(arguments: argparse.Namespace) -> int:
     except InvalidSettingsError as error:
         return _fail(str(error), EXIT_USAGE)
     except (ValueError, RuntimeError, OSError, NotReadyError) as error:
+        return _fail(str(error), EXIT_ERROR)
+    return EXIT_OK if is_whole else EXIT_ERROR
+
+
+def _administer(arguments: argparse.Namespace) -> int:
+    try:
+        is_whole = run_admin(arguments, load_settings())
+    except InvalidSettingsError as error:
+        return _fail(str(error), EXIT_USAGE)
+    except (RuntimeError, OSError, NotReadyError) as error:
         return _fail(str(error), EXIT_ERROR)
     return EXIT_OK if is_whole else EXIT_ERROR
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from sqlalchemy import and_, select, update
 
 from service.clouds.store import CloudStore
 from service.clouds.uploads import Upload, UploadStore, try_lock, wrong_offset
+from service.database.clock import now
 from service.database.engine import Database
 from service.database.tables import uploads
 from service.problems import UnknownUploadError, UploadConflictError
@@ -92,7 +92,7 @@ class SharedUploadStore(UploadStore):
             "received": end,
             "pieces": [] if is_complete else pieces,
             "is_complete": is_complete,
-            "expires_at": time.time() + self._retention_s,
+            "expires_at": now() + self._retention_s,
         }
         is_own_turn = and_(uploads.c.id == upload.id, uploads.c.received == before.received)
         with self._database.write() as connection:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Row, and_, delete, insert, select, update
 
 from service.clouds.inputs import CloudInput
+from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.pagination import Place, select_page
 from service.database.tables import clouds
@@ -60,7 +60,8 @@ class CloudStore:
         UnknownFormatError
             The content matches no format.
         """
-        now = time.time()
+        with self._database.read() as connection:
+            moment = read_time(connection)
         cloud = StoredCloud(
             tenant=tenant,
             id=cloud_id,
@@ -68,8 +69,8 @@ class CloudStore:
             size=blob.size,
             format=detect_format("cloud", blob, self._blobs, declared),
             declared=declared is not None,
-            created_at=now,
-            expires_at=now + self._retention_s,
+            created_at=moment,
+            expires_at=moment + self._retention_s,
         )
         with self._database.write(exclusive=True) as connection:
             connection.execute(delete(clouds).where(_is(tenant, cloud_id)))
@@ -107,7 +108,7 @@ class CloudStore:
         ExpiredError
             Its file is missing in the store.
         """
-        expires_at = time.time() + self._retention_s
+        expires_at = now() + self._retention_s
         postpone = update(clouds).where(_is(tenant, cloud_id)).values(expires_at=expires_at)
         with self._database.write() as connection:
             row = connection.execute(postpone.returning(clouds)).one_or_none()

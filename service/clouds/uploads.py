@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -14,6 +13,7 @@ from uuid import uuid4
 from sqlalchemy import delete, insert, select, update
 
 from service.clouds.store import CloudStore
+from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.tables import uploads
 from service.problems import ServiceError, UnknownUploadError, UploadConflictError
@@ -55,10 +55,10 @@ class UploadStore:
 
     def create(self, tenant: str, length: int, declared: str | None = None) -> Upload:
         """Begin an upload of `length` bytes, in the declared format or one of its content."""
-        expires_at = time.time() + self._retention_s
-        upload = Upload(str(uuid4()), tenant, length, False, expires_at, declared)
-        self._path(upload).touch()
         with self._database.write() as connection:
+            expires_at = read_time(connection) + self._retention_s
+            upload = Upload(str(uuid4()), tenant, length, False, expires_at, declared)
+            self._path(upload).touch()
             connection.execute(insert(uploads).values(**asdict(upload)))
         return upload
 
@@ -125,7 +125,7 @@ class UploadStore:
         is_complete = self.offset(upload) == upload.length
         if is_complete:
             self._complete(upload)
-        values = {"is_complete": is_complete, "expires_at": time.time() + self._retention_s}
+        values = {"is_complete": is_complete, "expires_at": now() + self._retention_s}
         with self._database.write() as connection:
             connection.execute(update(uploads).where(uploads.c.id == upload.id).values(**values))
         return self.get(upload.tenant, upload.id)
@@ -149,7 +149,7 @@ class UploadStore:
 
     def drop_expired(self) -> None:
         """Remove the expired uploads, except those that receive a piece at this moment."""
-        is_expired = uploads.c.expires_at < time.time()
+        is_expired = uploads.c.expires_at < now()
         with self._database.read() as connection:
             rows = connection.execute(select(uploads).where(is_expired))
             expired = [Upload(**row._mapping) for row in rows]

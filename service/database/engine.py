@@ -22,6 +22,14 @@ class Closeable(Protocol):
         """End it."""
 
 
+class Listening(Closeable, Protocol):
+    """The connection by which a process hears of changes; one process on a database leads."""
+
+    @property
+    def is_leader(self) -> bool:
+        """Whether this process does what is done once for all, such as clean-up."""
+
+
 class ReadableDatabase(Protocol):
     """A database that rows are read from."""
 
@@ -58,7 +66,7 @@ class Database(ReadableDatabase, Protocol):
     def announce(self, connection: Connection, message: str) -> None:
         """Tell the processes that listen, once the transaction is committed."""
 
-    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> Closeable:
+    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> Listening:
         """Call `hear` in a thread with each message that another process, or this one, announces.
 
         Parameters

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from sqlalchemy import Connection, Engine, create_engine, func, make_url, select, text
 
+from service.database.clock import read_time
 from service.database.errors import translate_errors
 from service.database.migrate import migrate
 from service.database.postgres_listener import CHANNEL, PostgresListener
@@ -67,7 +67,8 @@ class PostgresDatabase:
 
     def orphan_cutoff(self) -> float:
         """Return the present: other processes live, so only a lease that has ended is orphaned."""
-        return time.time()
+        with self.read() as connection:
+            return read_time(connection)
 
     def close(self) -> None:
         """Close all connections."""

@@ -1,10 +1,17 @@
-"""A thread that hears what other processes on the same PostgreSQL database announce (LISTEN)."""
+"""A thread that hears what other processes on the same PostgreSQL database announce (LISTEN).
+
+Its connection holds the lock of the leader, too. A process that dies loses it with its connection.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import psycopg
 
 CHANNEL = "mpe_changes"
 WAIT_S = 0.5
@@ -14,6 +21,13 @@ RECONNECT_S = 1.0
 CONNECT_TIMEOUT_S = 10
 KEEPALIVE_S = 10
 """Time without a message after which TCP asks whether the server is there, in seconds."""
+LEADER_LOCK_ID = 7_073_026
+"""Key of the advisory lock that the leader holds; an arbitrary number."""
+SERVER_KEEPALIVE = "".join(
+    f" -c tcp_keepalives_{name}={value}"
+    for name, value in (("idle", KEEPALIVE_S), ("interval", KEEPALIVE_S), ("count", 2))
+)
+"""Settings by which the server finds within 30 s that the machine of a leader is gone."""
 log = logging.getLogger(__name__)
 
 
@@ -25,7 +39,13 @@ class PostgresListener:
         self._hear = hear
         self._missed = missed
         self._stopping = threading.Event()
+        self._is_leader = False
         self._thread = threading.Thread(target=self._run, name="listen", daemon=True)
+
+    @property
+    def is_leader(self) -> bool:
+        """Whether this process holds the lock of the leader, as far as it knows."""
+        return self._is_leader
 
     def start(self) -> None:
         """Start the thread."""
@@ -46,6 +66,8 @@ class PostgresListener:
                 log.warning("no connection to hear of changes; polling instead: %s", error)
             except Exception:
                 log.exception("a change could not be heard")
+            finally:
+                self._is_leader = False
             self._stopping.wait(RECONNECT_S)
 
     def _listen(self) -> None:
@@ -59,11 +81,21 @@ class PostgresListener:
             keepalives_idle=KEEPALIVE_S,
             keepalives_interval=KEEPALIVE_S,
             keepalives_count=2,
+            options=SERVER_KEEPALIVE,
         ) as connection:
             connection.execute(f"LISTEN {CHANNEL}")
             self._missed()
             while not self._stopping.is_set():
+                self._is_leader = self._is_leader or _try_lead(connection)
                 for message in connection.notifies(timeout=WAIT_S):
                     self._hear(message.payload)
                     if self._stopping.is_set():
                         return
+
+
+def _try_lead(connection: psycopg.Connection[tuple[Any, ...]]) -> bool:
+    row = connection.execute("SELECT pg_try_advisory_lock(%s)", [LEADER_LOCK_ID]).fetchone()
+    is_leader = row is not None and bool(row[0])
+    if is_leader:
+        log.info("this service leads: it cleans up and sends the callbacks of all")
+    return is_leader

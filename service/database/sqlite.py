@@ -6,13 +6,14 @@ import math
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event
 
+from service.database.clock import add_clock
 from service.database.errors import translate_errors
 from service.database.migrate import migrate
 
@@ -57,9 +58,9 @@ class SqliteDatabase:
     def announce(self, connection: Connection, message: str) -> None:
         """Tell nobody: no other process uses the file."""
 
-    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> ExitStack:
+    def listen(self, hear: Callable[[str], None], missed: Callable[[], None]) -> AloneListening:
         """Hear nothing, as nothing is announced."""
-        return ExitStack()
+        return AloneListening()
 
     def orphan_cutoff(self) -> float:
         """Return infinity: at the start, whatever another process held is orphaned."""
@@ -78,6 +79,15 @@ class SqliteDatabase:
             connection.begin(),
         ):
             migrate(connection)
+
+
+class AloneListening:
+    """A `service.database.engine.Listening` of the only process."""
+
+    is_leader = True
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 class SqliteSnapshot:
@@ -114,6 +124,7 @@ def _create_engine(url: str, *, synchronous: str) -> Engine:
 
 def _configure_connection(synchronous: str, connection: Any, _: object) -> None:
     connection.isolation_level = None  # transactions begin in _begin alone
+    add_clock(connection)
     for pragma in (*PRAGMAS, f"synchronous={synchronous}"):
         connection.execute(f"PRAGMA {pragma}")
 

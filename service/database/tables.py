@@ -83,10 +83,16 @@ jobs = Table(
     Column("paused_until", Float),
 )
 Index("jobs_by_age", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
-Index("jobs_waiting", jobs.c.status, jobs.c.priority, jobs.c.created_at)
+# of a tenant: the next job of a queue, and the jobs of a status
+_OF_QUEUE = (jobs.c.tenant, jobs.c.queue, jobs.c.status)
+Index("jobs_by_turn", *_OF_QUEUE, jobs.c.priority.desc(), jobs.c.created_at, jobs.c.id)
+Index("jobs_by_status", jobs.c.tenant, jobs.c.status, jobs.c.created_at, jobs.c.id)
+# of all tenants
+Index("jobs_by_age_of_all", jobs.c.status, jobs.c.created_at)
 Index("jobs_by_work", jobs.c.work_key)
 
-# when each tenant was served last, in claims of all tenants from one queue of jobs or callbacks
+# when each tenant was served last, in claims of all tenants from one queue of jobs or callbacks; 0:
+# never. Each tenant that has had a job in a queue has a row
 turns = Table(
     "turns",
     metadata,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from typing import get_args
 
 from sqlalchemy import Connection, and_, insert, select
 
+from service.database.clock import read_time
 from service.database.tables import idempotency_keys, jobs
+from service.jobs.claim_order import enter_queue
 from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
-from service.jobs.model import JobRow, Retention
+from service.jobs.model import JobQueue, JobRow, Retention
 from service.jobs.rows import count_jobs, find_job
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
@@ -61,6 +63,8 @@ def accept_job(
         if tenant_queue_limit is not None:
             queued = count_jobs(connection, "queued", job.tenant)
             check_tenant_queue_limit(queued, tenant_queue_limit)
+        for queue in get_args(JobQueue):
+            enter_queue(connection, job.tenant, queue)
     connection.execute(insert(jobs), asdict(job))
     record = record_end if job.status == "succeeded" else record_change
     record(connection, job.id)
@@ -123,12 +127,12 @@ def _reuse_result(
 
     Only results of its own tenant count: `cached` must not tell what other tenants registered.
     """
-    now = time.time()
+    moment = read_time(connection)
     is_same_work = and_(
         jobs.c.tenant == job.tenant,
         jobs.c.work_key == job.work_key,
         jobs.c.status == "succeeded",
-        jobs.c.result_expires_at > now,
+        jobs.c.result_expires_at > moment,
     )
     query = select(jobs).where(is_same_work).order_by(jobs.c.finished_at.desc()).limit(1)
     row = connection.execute(query).one_or_none() if job.work_key else None
@@ -138,16 +142,16 @@ def _reuse_result(
         job,
         status="succeeded",
         cached=True,
-        started_at=now,
-        finished_at=now,
+        started_at=moment,
+        finished_at=moment,
         stage="finished",
         fraction=1.0,
-        timing={"queued_s": 0.0, "total_s": now - job.created_at},
+        timing={"queued_s": 0.0, "total_s": max(0.0, moment - job.created_at)},
         warnings=row.warnings,
         result_sha256=row.result_sha256,
         inliers_sha256=row.inliers_sha256,
         result_bytes=row.result_bytes,
         confidence=row.confidence,
-        result_expires_at=now + retention.result_s,
-        expires_at=now + retention.job_s,
+        result_expires_at=moment + retention.result_s,
+        expires_at=moment + retention.job_s,
     )

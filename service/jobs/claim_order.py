@@ -7,7 +7,6 @@ same running jobs.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from sqlalchemy import (
@@ -20,6 +19,7 @@ from sqlalchemy import (
     String,
     and_,
     bindparam,
+    exists,
     func,
     insert,
     or_,
@@ -28,6 +28,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.sql.dml import ReturningUpdate
 
+from service.database.clock import now
 from service.database.tables import jobs, turns
 from service.jobs.model import JobQueue
 
@@ -46,7 +47,7 @@ def find_next_tenant(connection: Connection, queue: JobQueue, tenant_limit: int)
     tenant_limit
         Jobs of the queue that a tenant may have running, the next one included.
     """
-    values = {"claimed_queue": queue, "tenant_limit": tenant_limit, "now": time.time()}
+    values = {"claimed_queue": queue, "tenant_limit": tenant_limit}
     tenant: str | None = connection.scalar(_NEXT_TENANT, values)
     return tenant
 
@@ -65,10 +66,8 @@ def claim_next(
     tenant = find_next_tenant(connection, queue, tenant_limit)
     if tenant is None:
         return None
-    now = time.time()
-    values = {"claimed_tenant": tenant, "claimed_queue": queue, "now": now}
-    times = {"started_at": now, "lease_until": now + lease_s}
-    row = connection.execute(_CLAIM, values | times).one_or_none()
+    values = {"claimed_tenant": tenant, "claimed_queue": queue, "lease_s": lease_s}
+    row = connection.execute(_CLAIM, values).one_or_none()
     if row is not None:
         record_turn(connection, tenant, queue)
     return row
@@ -83,15 +82,20 @@ def record_turn(connection: Connection, tenant: str, queue: str) -> None:
         connection.execute(insert(turns).values(tenant=tenant, queue=queue, turn=turn))
 
 
+def enter_queue(connection: Connection, tenant: str, queue: JobQueue) -> None:
+    """Let the tenant take turns in the queue, before its first job there; it goes first."""
+    own = and_(turns.c.tenant == tenant, turns.c.queue == queue)
+    if connection.scalar(select(turns.c.turn).where(own)) is None:
+        connection.execute(insert(turns).values(tenant=tenant, queue=queue, turn=0))
+
+
 def _is_claimable() -> ColumnElement[bool]:
-    now = bindparam("now", type_=Float)
-    is_paused = and_(jobs.c.paused_until > now, jobs.c.paused_until <= now + MAX_PAUSE_S)
+    is_paused = and_(jobs.c.paused_until > now(), jobs.c.paused_until <= now() + MAX_PAUSE_S)
     is_free = or_(jobs.c.paused_until.is_(None), ~is_paused)
     return and_(jobs.c.status == "queued", jobs.c.queue == _QUEUE, is_free)
 
 
 def _select_next_tenant() -> Select[Any]:
-    waiting = select(jobs.c.tenant).where(_is_claimable()).distinct().subquery()
     running = (
         select(jobs.c.tenant, func.count().label("number"))
         .where(jobs.c.status == "running", jobs.c.queue == _QUEUE)
@@ -99,13 +103,14 @@ def _select_next_tenant() -> Select[Any]:
         .subquery()
     )
     number = func.coalesce(running.c.number, 0)
-    is_own_turn = and_(turns.c.tenant == waiting.c.tenant, turns.c.queue == _QUEUE)
+    # a look for each tenant, not at each job that waits
+    is_waiting = exists().where(_is_claimable(), jobs.c.tenant == turns.c.tenant)
     return (
-        select(waiting.c.tenant)
-        .outerjoin(running, running.c.tenant == waiting.c.tenant)
-        .outerjoin(turns, is_own_turn)
+        select(turns.c.tenant)
+        .outerjoin(running, running.c.tenant == turns.c.tenant)
+        .where(turns.c.queue == _QUEUE, is_waiting)
         .where(number < bindparam("tenant_limit", type_=Integer))
-        .order_by(number, func.coalesce(turns.c.turn, 0), waiting.c.tenant)
+        .order_by(number, turns.c.turn, turns.c.tenant)
         .limit(1)
     )
 
@@ -123,8 +128,8 @@ def _claim_first_of_tenant() -> ReturningUpdate[Any]:
     return claim.values(
         status="running",
         attempt=jobs.c.attempt + 1,
-        started_at=bindparam("started_at"),
-        lease_until=bindparam("lease_until"),
+        started_at=now(),
+        lease_until=now() + bindparam("lease_s", type_=Float),
     ).returning(jobs)
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from urllib.parse import urlsplit
 from uuid import uuid4
 
 from sqlalchemy import (
     Connection,
-    Float,
     Insert,
     String,
     bindparam,
@@ -18,13 +16,14 @@ from sqlalchemy import (
     update,
 )
 
+from service.database.clock import now
 from service.database.tables import deliveries, events, jobs
 from service.outbound.urls import redact_url
 
 
 def record_change(connection: Connection, job_id: str) -> None:
     """Append the present state of the job to its events."""
-    connection.execute(_INSERT_EVENT, {"event_job_id": job_id, "event_at": time.time()})
+    connection.execute(_INSERT_EVENT, {"event_job_id": job_id})
 
 
 def record_end(connection: Connection, job_id: str) -> None:
@@ -43,10 +42,9 @@ def plan_delivery(connection: Connection, job_id: str) -> None:
     job = connection.execute(query).one()
     if job.callback_url is None:
         return
-    now = time.time()
     row = {"id": str(uuid4()), "job_id": job_id, "status": "pending", "tries": []}
     place = {"tenant": job.tenant, "host": urlsplit(job.callback_url).netloc}
-    connection.execute(insert(deliveries).values(**row, **place, created_at=now, next_at=now))
+    connection.execute(insert(deliveries).values(**row, **place, created_at=now(), next_at=now()))
 
 
 def _insert_event() -> Insert:
@@ -55,7 +53,7 @@ def _insert_event() -> Insert:
     state = select(
         jobs.c.id,
         last.scalar_subquery() + 1,
-        bindparam("event_at", type_=Float),
+        now(),
         jobs.c.status,
         jobs.c.stage,
         jobs.c.fraction,

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, and_, func, select
 
+from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.pagination import Place, select_page
 from service.database.tables import events, jobs
-from service.jobs.model import JobEvent, JobQueue, JobRow, JobStatus
+from service.jobs.model import JOB_STATUSES, JobEvent, JobQueue, JobRow, JobStatus
 from service.jobs.rows import count_jobs, find_job, job_from_row
 
 
@@ -76,12 +77,23 @@ class JobQueries:
         with self._database.read() as connection:
             return count_jobs(connection, status, tenant, queue)
 
-    def oldest_queued_at(self) -> float | None:
-        """Return when the oldest queued job of all tenants was accepted, None without any."""
-        query = select(func.min(jobs.c.created_at)).where(jobs.c.status == "queued")
+    def count_by_status(self) -> dict[JobStatus, int]:
+        """Return the number of jobs of all tenants of each status."""
+        query = select(jobs.c.status, func.count()).group_by(jobs.c.status)
         with self._database.read() as connection:
-            oldest: float | None = connection.scalar(query)
-        return oldest
+            counts = {row[0]: row[1] for row in connection.execute(query)}
+        return {status: counts.get(status, 0) for status in JOB_STATUSES}
+
+    def queue_age_s(self) -> float:
+        """Return the age of the oldest queued job of all tenants, 0 without any."""
+        age = now() - func.min(jobs.c.created_at)
+        with self._database.read() as connection:
+            return max(0.0, connection.scalar(select(age).where(jobs.c.status == "queued")) or 0.0)
+
+    def present(self) -> float:
+        """Return the time of the database's clock, in seconds since the epoch."""
+        with self._database.read() as connection:
+            return read_time(connection)
 
 
 def _conditions(only: JobFilter) -> Iterator[ColumnElement[bool]]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 from sqlalchemy import and_, delete, or_, select, update
 
+from service.database.clock import now
 from service.database.engine import Database, ReadableDatabase
 from service.database.tables import clouds, jobs, uploads
 from service.jobs.model import TERMINAL_STATUSES
@@ -16,13 +15,12 @@ HOLDS_BLOBS = or_(jobs.c.status.not_in(TERMINAL_STATUSES), jobs.c.result_sha256.
 
 def drop_expired(database: Database) -> None:
     """Drop the results, jobs and clouds that have expired; their blobs are collected later."""
-    now = time.time()
-    is_expired = and_(jobs.c.result_expires_at < now, jobs.c.result_sha256.is_not(None))
+    is_expired = and_(jobs.c.result_expires_at < now(), jobs.c.result_sha256.is_not(None))
     no_result = {"result_sha256": None, "inliers_sha256": None}
     with database.write(exclusive=True) as connection:
         connection.execute(update(jobs).where(is_expired).values(**no_result))
-        connection.execute(delete(jobs).where(jobs.c.expires_at < now))
-        connection.execute(delete(clouds).where(clouds.c.expires_at < now))
+        connection.execute(delete(jobs).where(jobs.c.expires_at < now()))
+        connection.execute(delete(clouds).where(clouds.c.expires_at < now()))
 
 
 def find_needed_blobs(database: ReadableDatabase) -> set[str]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable, Container, Sequence
 from dataclasses import asdict, replace
 from typing import Any, Literal
 
-from sqlalchemy import ColumnElement, Connection, and_, delete, select, update
+from sqlalchemy import ColumnElement, Connection, and_, delete, literal, select, update
 
+from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.tables import jobs
 from service.jobs.accept import accept_job
@@ -113,7 +113,7 @@ class JobTransitions:
         """Let the lease end `lease_s` from now; return False when the attempt is not current."""
         lease = update(jobs).where(_is_current_attempt(job))
         with self._database.write() as connection:
-            result = connection.execute(lease.values(lease_until=time.time() + lease_s))
+            result = connection.execute(lease.values(lease_until=now() + lease_s))
             return result.rowcount == 1
 
     def is_current(self, job: JobRow) -> bool:
@@ -145,12 +145,12 @@ class JobTransitions:
     def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
         """Commit a result; return False when the attempt is not current."""
         values = asdict(outcome) | {"work_key": work_key}
-        values["timing"] = _with_totals(job, outcome.timing)
+        values["timing"] = self._with_totals(job, outcome.timing)
         return self._end(_is_current_attempt(job), job.id, status="succeeded", **values)
 
     def fail(self, job: JobRow, error: dict[str, Any], timing: dict[str, float]) -> bool:
         """Commit a failure; return False when the attempt is not current."""
-        values = {"error": error, "timing": _with_totals(job, timing)}
+        values = {"error": error, "timing": self._with_totals(job, timing)}
         return self._end(_is_current_attempt(job), job.id, status="failed", **values)
 
     def requeue(self, job: JobRow) -> bool:
@@ -181,14 +181,14 @@ class JobTransitions:
         number = job.interruptions + 1
         if number < MAX_INTERRUPTIONS:
             pause_s = _pause_after(number)
-            values = {"interruptions": number, "paused_until": time.time() + pause_s, **_QUEUED}
+            values = {"interruptions": number, "paused_until": now() + pause_s, **_QUEUED}
             return self._change(job, values)
         error = WorkerLostError(f"{number} attempts were interrupted; the last: {reason}")
         return self.fail(job, final_error or error_document(error), {})
 
     def requeue_orphans(self) -> int:
         """Interrupt the attempts that a killed service left running; return their number."""
-        cutoff = self._database.orphan_cutoff()
+        cutoff = literal(self._database.orphan_cutoff())
         return self._interrupt_before(cutoff, "the service was killed meanwhile")
 
     def expire_leases(self, held: Container[str] = ()) -> int:
@@ -200,11 +200,11 @@ class JobTransitions:
             Ids of jobs that this process supervises. It may have been suspended beyond their
             leases; they go on.
         """
-        return self._interrupt_before(time.time(), "its lease ended", held)
+        return self._interrupt_before(now(), "its lease ended", held)
 
     def fail_overdue(self) -> int:
         """Fail the queued jobs whose deadline has passed; return their number."""
-        is_overdue = and_(jobs.c.status == "queued", jobs.c.deadline_at < time.time())
+        is_overdue = and_(jobs.c.status == "queued", jobs.c.deadline_at < now())
         with self._database.read() as connection:
             overdue = list(connection.scalars(select(jobs.c.id).where(is_overdue)))
         error = error_document(DeadlineError("The deadline passed before a worker was free."))
@@ -224,11 +224,23 @@ class JobTransitions:
         with self._database.write() as connection:
             return connection.execute(delete(jobs).where(has_ended)).rowcount == 1
 
-    def _interrupt_before(self, cutoff: float, reason: str, held: Container[str] = ()) -> int:
+    def _interrupt_before(
+        self, cutoff: ColumnElement[float], reason: str, held: Container[str] = ()
+    ) -> int:
         query = select(jobs).where(jobs.c.status == "running", jobs.c.lease_until < cutoff)
         with self._database.read() as connection:
             ended = [job_from_row(row) for row in connection.execute(query)]
         return sum(self.interrupt(job, reason) for job in ended if job.id not in held)
+
+    def _with_totals(self, job: JobRow, stages: dict[str, float]) -> dict[str, float]:
+        assert job.started_at is not None  # noqa: S101
+        with self._database.read() as connection:
+            total_s = read_time(connection) - job.created_at
+        queued_s = job.started_at - job.created_at
+        if job.queue == "register":
+            queued_s -= job.timing.get("fetch_s", 0.0)
+        # the clock may have been set back
+        return {"queued_s": max(0.0, queued_s), **stages, "total_s": max(0.0, total_s)}
 
     def _change(self, job: JobRow, values: dict[str, Any], *, durable: bool = True) -> bool:
         """Update a job in its attempt; return False when that is not current."""
@@ -246,14 +258,13 @@ class JobTransitions:
 
     def _end(self, guard: ColumnElement[bool], job_id: str, **values: Any) -> bool:
         """End the job that meets the guard; return False when none does."""
-        now = time.time()
         ending = {
-            "finished_at": now,
+            "finished_at": now(),
             "lease_until": None,
             "stage": "finished",
             "fraction": 1.0,
-            "result_expires_at": now + self._retention.result_s,
-            "expires_at": now + self._retention.job_s,
+            "result_expires_at": now() + self._retention.result_s,
+            "expires_at": now() + self._retention.job_s,
         }
         with self._database.write() as connection:
             if not _update(connection, guard, ending | values):
@@ -282,7 +293,7 @@ class JobTransitions:
 
 
 def _update(connection: Connection, guard: ColumnElement[bool], values: dict[str, Any]) -> bool:
-    return connection.execute(update(jobs).where(guard), values).rowcount == 1
+    return connection.execute(update(jobs).where(guard).values(**values)).rowcount == 1
 
 
 def _pause_after(interruptions: int) -> float:
@@ -302,13 +313,3 @@ def _is_current_attempt(job: JobRow) -> ColumnElement[bool]:
         jobs.c.attempt == job.attempt,
         jobs.c.status == "running",
     )
-
-
-def _with_totals(job: JobRow, stages: dict[str, float]) -> dict[str, float]:
-    assert job.started_at is not None  # noqa: S101
-    total_s = time.time() - job.created_at
-    queued_s = job.started_at - job.created_at
-    if job.queue == "register":
-        queued_s -= job.timing.get("fetch_s", 0.0)
-    # the clock may have been set back
-    return {"queued_s": max(0.0, queued_s), **stages, "total_s": max(0.0, total_s)}

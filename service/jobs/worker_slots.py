@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from uuid import uuid4
 
 from sqlalchemy import delete, func, insert, select
 
+from service.database.clock import now
 from service.database.engine import Database
 from service.database.tables import worker_slots
 
@@ -31,29 +31,30 @@ class WorkerSlots:
 
     def begin(self) -> None:
         """Announce the slots for the first time, and drop those of services that are gone."""
-        self._write(self._database.orphan_cutoff(), self._number)
+        with self._database.write() as connection:
+            is_orphan = worker_slots.c.lease_until < self._database.orphan_cutoff()
+            connection.execute(delete(worker_slots).where(is_orphan))
+        self.announce()
 
     def announce(self) -> None:
         """Let the slots count for another SLOTS_LEASE_S."""
-        self._write(time.time(), self._number)
+        self._write(self._number)
 
     def withdraw(self) -> None:
         """Let them count no longer."""
-        self._write(time.time(), 0)
+        self._write(0)
 
     def count(self) -> int:
         """Return the slots of all services."""
         query = select(func.sum(worker_slots.c.number))
         with self._database.read() as connection:
-            return connection.scalar(query.where(worker_slots.c.lease_until > time.time())) or 0
+            return connection.scalar(query.where(worker_slots.c.lease_until > now())) or 0
 
-    def _write(self, cutoff: float, number: int) -> None:
+    def _write(self, number: int) -> None:
         is_own = worker_slots.c.service == self._service
-        row = {"service": self._service, "number": number}
-        lease_until = time.time() + SLOTS_LEASE_S
+        is_gone = worker_slots.c.lease_until < now()
+        row = {"service": self._service, "number": number, "lease_until": now() + SLOTS_LEASE_S}
         with self._database.write(exclusive=True) as connection:
-            connection.execute(
-                delete(worker_slots).where(is_own | (worker_slots.c.lease_until < cutoff))
-            )
+            connection.execute(delete(worker_slots).where(is_own | is_gone))
             if number:
-                connection.execute(insert(worker_slots).values(**row, lease_until=lease_until))
+                connection.execute(insert(worker_slots).values(**row))

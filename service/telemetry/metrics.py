@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import psutil
 from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
@@ -11,7 +10,7 @@ from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 
 from mpe_core.machine import available_cores, memory_limit
-from service.jobs.model import JOB_STATUSES, JobRow
+from service.jobs.model import JobRow
 from service.jobs.queries import JobQueries
 from service.telemetry.tracing import STAGES
 
@@ -78,9 +77,19 @@ class Metrics:
             failed = error.startswith("fetch-") or error == "address-refused"
             self._fetches.labels("failed" if failed else "done").inc()
 
-    def watch(self, jobs: JobQueries) -> None:
-        """Add gauges of the store and of the memory of this process and its workers."""
-        self.registry.register(_StateCollector(jobs))
+    def watch(
+        self, jobs: JobQueries, count_workers: Callable[[], int], is_leader: Callable[[], bool]
+    ) -> None:
+        """Add gauges of the store and of the memory of this process and its workers.
+
+        Parameters
+        ----------
+        count_workers
+            Returns the number of registrations that all services can run at once.
+        is_leader
+            Returns whether this service leads those on its database.
+        """
+        self.registry.register(_StateCollector(jobs, count_workers, is_leader))
 
     def exposition(self) -> bytes:
         """Return all metrics as text, for a scrape."""
@@ -88,18 +97,32 @@ class Metrics:
 
 
 class _StateCollector(Collector):
-    def __init__(self, jobs: JobQueries) -> None:
+    def __init__(
+        self, jobs: JobQueries, count_workers: Callable[[], int], is_leader: Callable[[], bool]
+    ) -> None:
         self._jobs = jobs
+        self._count_workers = count_workers
+        self._is_leader = is_leader
 
     def collect(self) -> Iterator[GaugeMetricFamily]:
         jobs = GaugeMetricFamily("mpe_jobs", "Registrations in the store.", labels=["status"])
-        for status in JOB_STATUSES:
-            jobs.add_metric([status], self._jobs.count(status))
+        for status, number in self._jobs.count_by_status().items():
+            jobs.add_metric([status], number)
         yield jobs
-        oldest = self._jobs.oldest_queued_at()
-        age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
         yield GaugeMetricFamily(
-            "mpe_queue_age_seconds", "Age of the oldest waiting registration.", age
+            "mpe_queue_age_seconds",
+            "Age of the oldest waiting registration.",
+            self._jobs.queue_age_s(),
+        )
+        yield GaugeMetricFamily(
+            "mpe_workers",
+            "Registrations that all services on the database can run at once.",
+            self._count_workers(),
+        )
+        yield GaugeMetricFamily(
+            "mpe_is_leader",
+            "Whether this service cleans up and sends callbacks for all on the database.",
+            int(self._is_leader()),
         )
         memory = GaugeMetricFamily(
             "mpe_memory_bytes",

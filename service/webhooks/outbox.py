@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import Row, and_, func, select, update
 
+from service.database.clock import now
 from service.database.engine import Database
 from service.database.tables import deliveries, jobs
 from service.jobs.claim_order import record_turn
@@ -67,7 +67,7 @@ class Outbox:
         with self._database.write(exclusive=True) as connection:
             if connection.scalar(select(jobs.c.id).where(jobs.c.id == job_id, ended)) is None:
                 return False
-            soon = update(deliveries).where(waits).values(next_at=time.time())
+            soon = update(deliveries).where(waits).values(next_at=now())
             if not connection.execute(soon).rowcount:
                 _check_messages(connection.scalar(select(func.count()).where(of_job)) or 0)
                 plan_delivery(connection, job_id)
@@ -93,7 +93,7 @@ class Outbox:
             row = find_next(connection, free)
             if row is None:
                 return None
-            values = {"status": "sending", "next_at": time.time() + SENDING_TIMEOUT_S}
+            values = {"status": "sending", "next_at": now() + SENDING_TIMEOUT_S}
             take = update(deliveries).where(deliveries.c.id == row.id).values(**values)
             taken = connection.execute(take.returning(deliveries)).one()
             record_turn(connection, taken.tenant, QUEUE)
@@ -104,9 +104,10 @@ class Outbox:
         delivery: DeliveryRow,
         attempt: dict[str, Any],
         status: DeliveryStatus,
-        next_at: float | None,
+        retry_in_s: float | None = None,
     ) -> None:
         """Record an attempt and its outcome, unless another attempt has begun since `claim`."""
+        next_at = None if retry_in_s is None else now() + retry_in_s
         values = {"status": status, "next_at": next_at, "tries": [*delivery.tries, attempt]}
         is_current = and_(deliveries.c.id == delivery.id, deliveries.c.next_at == delivery.next_at)
         with self._database.write() as connection:
@@ -119,7 +120,7 @@ class Outbox:
             deliveries.c.status == "sending", deliveries.c.next_at < cutoff
         )
         with self._database.write() as connection:
-            connection.execute(interrupted.values(status="pending", next_at=time.time()))
+            connection.execute(interrupted.values(status="pending", next_at=now()))
 
 
 def _check_messages(messages: int) -> None:

@@ -8,12 +8,12 @@ those: one that does not answer delays no other.
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Connection, Row, and_, func, select
 
+from service.database.clock import now
 from service.database.tables import deliveries, turns
 
 QUEUE = "callback"
@@ -30,7 +30,7 @@ class Place(NamedTuple):
 def is_due() -> ColumnElement[bool]:
     """Return the condition of a delivery to send now; one of a killed sender is due again."""
     unfinished = deliveries.c.status.in_(("pending", "sending"))
-    return and_(unfinished, deliveries.c.next_at <= time.time())
+    return and_(unfinished, deliveries.c.next_at <= now())
 
 
 def find_next(connection: Connection, free: int) -> Row[Any] | None:
@@ -74,7 +74,7 @@ def _find_next_place(connection: Connection, free: int) -> Place | None:
 
 def _count_under_way(connection: Connection) -> Counter[Place]:
     columns = (deliveries.c.tenant, deliveries.c.host)
-    sending = and_(deliveries.c.status == "sending", deliveries.c.next_at > time.time())
+    sending = and_(deliveries.c.status == "sending", deliveries.c.next_at > now())
     rows = connection.execute(select(*columns, func.count()).where(sending).group_by(*columns))
     return Counter({Place(tenant, host): number for tenant, host, number in rows})
 

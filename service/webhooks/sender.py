@@ -10,6 +10,7 @@ import logging
 import random
 import threading
 import time
+from collections.abc import Callable
 from http import HTTPStatus
 from typing import Any
 
@@ -61,13 +62,26 @@ class WebhookSender:
 
     A process that is killed loses nothing: what it was sending is sent again. Deliveries therefore
     arrive at least once.
+
+    Parameters
+    ----------
+    is_leader : callable
+        Whether this process sends those of all now.
     """
 
-    def __init__(self, jobs: JobQueries, outbox: Outbox, settings: Settings) -> None:
+    def __init__(
+        self,
+        jobs: JobQueries,
+        outbox: Outbox,
+        settings: Settings,
+        *,
+        is_leader: Callable[[], bool] = lambda: True,
+    ) -> None:
         self._jobs = jobs
         self._outbox = outbox
         self._settings = settings.webhook
         self._client = OutboundClient(callback_policy(settings))
+        self._is_leader = is_leader
         self._stopping = threading.Event()
         self._free = THREADS
         self._lock = threading.Lock()
@@ -90,7 +104,7 @@ class WebhookSender:
     def _run(self) -> None:
         while not self._stopping.is_set():
             try:
-                delivery = self._claim()
+                delivery = self._claim() if self._is_leader() else None
                 if delivery is None:
                     self._stopping.wait(POLL_INTERVAL_S)
                     continue
@@ -119,12 +133,12 @@ class WebhookSender:
         attempt = self._post(delivery, job)
         code = attempt["status_code"]
         if code is not None and HTTPStatus.OK <= code < HTTPStatus.MULTIPLE_CHOICES:
-            self._outbox.record_attempt(delivery, attempt, "delivered", None)
+            self._outbox.record_attempt(delivery, attempt, "delivered")
         elif len(delivery.tries) + 1 >= self._settings.max_attempts:
-            self._outbox.record_attempt(delivery, attempt, "failed", None)
+            self._outbox.record_attempt(delivery, attempt, "failed")
         else:
-            next_at = time.time() + self._backoff_s(len(delivery.tries))
-            self._outbox.record_attempt(delivery, attempt, "pending", next_at)
+            pause_s = self._backoff_s(len(delivery.tries))
+            self._outbox.record_attempt(delivery, attempt, "pending", pause_s)
 
     def _backoff_s(self, attempts: int) -> float:
         """Return the seconds until the next attempt: doubled each time, with jitter."""

@@ -37,7 +37,9 @@ class AttemptLimits:
     @classmethod
     def of(cls, job: JobRow, timeout_s: float) -> Self:
         """Return the limits of an attempt at the job that begins now."""
-        deadline_s = None if job.deadline_at is None else job.deadline_at - time.time()
+        deadline_s = None
+        if job.deadline_at is not None and job.started_at is not None:  # by one clock
+            deadline_s = job.deadline_at - job.started_at
         return cls(timeout_s, deadline_s)
 
     def remaining_s(self) -> float:

@@ -11,21 +11,19 @@ from service.jobs.model import JobRow
 from service.jobs.transitions import JobTransitions
 from service.problems import NotReadyError
 
-LEASE_S = 30.0
-"""Lease of an attempt; another service may take the job when it is not extended for that long."""
-HEARTBEAT_S = LEASE_S / 3
-"""Interval at which the lease is extended."""
+HEARTBEAT_SHARE = 1 / 3
+"""Interval at which a lease is extended, as a share of it: two extensions may fail."""
 
 
 @contextmanager
-def kept_lease(transitions: JobTransitions, job: JobRow) -> Iterator[None]:
+def kept_lease(transitions: JobTransitions, job: JobRow, *, lease_s: float) -> Iterator[None]:
     """Extend the lease of an attempt by a thread, while this one moves files."""
     has_ended = threading.Event()
 
     def extend() -> None:
-        while not has_ended.wait(HEARTBEAT_S):
+        while not has_ended.wait(HEARTBEAT_SHARE * lease_s):
             with contextlib.suppress(NotReadyError):  # the lease outlasts a short outage
-                transitions.extend_lease(job, lease_s=LEASE_S)
+                transitions.extend_lease(job, lease_s=lease_s)
 
     thread = threading.Thread(target=extend, name="lease", daemon=True)
     thread.start()

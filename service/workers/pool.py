@@ -17,7 +17,6 @@ from service.storage.blobs import BlobStore
 from service.storage.scratch import discard_scratch
 from service.telemetry.json_logs import job_context
 from service.workers.child import Child, NoProcessError, prepare_forkserver
-from service.workers.lease import LEASE_S
 from service.workers.supervisor import AttemptSupervisor
 
 POLL_INTERVAL_S = 1.0
@@ -57,6 +56,7 @@ class WorkerPool:
         self._held: set[_Claim] = set()
         self._claiming = threading.Lock()
         self._wake = {queue: threading.Semaphore(0) for queue in get_args(JobQueue)}
+        self._leaving = threading.Event()
         self._stopping = threading.Event()
         self._stopped = threading.Event()
         self._warm = threading.Event()
@@ -74,10 +74,10 @@ class WorkerPool:
     @property
     def is_ready(self) -> bool:
         """Whether jobs start at once; those of a pool that runs none start elsewhere."""
-        if not self._workers:
-            return not self._stopping.is_set()
+        if self._leaving.is_set() or self._stopping.is_set():
+            return False
         can_start = any(thread.name not in self._failures for thread in self._workers)
-        return self._warm.is_set() and can_start and not self._stopping.is_set()
+        return not self._workers or (self._warm.is_set() and can_start)
 
     @property
     def failure(self) -> str | None:
@@ -122,6 +122,10 @@ class WorkerPool:
         for job, child in list(self._running.values()):
             if job.id == job_id:
                 child.kill()
+
+    def leave(self) -> None:
+        """Be ready no longer, and go on as before until `stop`."""
+        self._leaving.set()
 
     def stop(self, grace_s: float = 0.0) -> None:
         """Start no further job; kill and requeue what still runs after the grace time."""
@@ -214,7 +218,7 @@ class WorkerPool:
         """Claim the next job; one thread at a time, so that no two count the same fetcher free."""
         with self._claiming:
             tenant_limit = self._free_fetchers() if queue == "fetch" else NO_LIMIT
-            job = self._transitions.claim(queue, tenant_limit, lease_s=LEASE_S)
+            job = self._transitions.claim(queue, tenant_limit, lease_s=self._settings.lease_s)
             if job is not None:
                 self._held.add((job.id, queue))
         return job

@@ -38,7 +38,7 @@ from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError, NoProcessError
 from service.workers.child_files import store_fetched, store_result
 from service.workers.fetch_inputs import FetchInputs, aws_variables, is_fetched_once
-from service.workers.lease import HEARTBEAT_S, LEASE_S, kept_lease
+from service.workers.lease import HEARTBEAT_SHARE, kept_lease
 from service.workers.messages import (
     Answer,
     Failed,
@@ -54,6 +54,9 @@ from service.workers.task import Task, TaskEnvironment
 
 POLL_INTERVAL_S = 0.5
 """Interval of the checks whether another service on the same database has cancelled the job."""
+
+RETRY_S = 30.0
+"""Time that the end of an attempt is sent to a store that does not answer, in seconds."""
 
 FREE_PROGRESS, PROGRESS_PER_S = 100, 10
 """Messages of progress that are recorded at once, and further ones for each second; a child sends
@@ -145,7 +148,7 @@ class AttemptSupervisor:
             One is missing in the store.
         """
         with ExitStack() as held:
-            with kept_lease(self.transitions, job):
+            with kept_lease(self.transitions, job, lease_s=self.settings.lease_s):
                 for role in CLOUD_ROLES:
                     self._hold(held, role, getattr(job, role))
             yield
@@ -192,7 +195,8 @@ class AttemptSupervisor:
             The child ended or sent nonsense.
         """
         started_at, recorded = time.monotonic(), 0
-        next_heartbeat = started_at + HEARTBEAT_S
+        lease_s = self.settings.lease_s
+        next_heartbeat = started_at + HEARTBEAT_SHARE * lease_s
         is_current = True
         while is_current:
             message = child.receive(min(limits.remaining_s(), POLL_INTERVAL_S))
@@ -204,8 +208,8 @@ class AttemptSupervisor:
                     recorded, message = recorded - 1, None  # each one is a row
             with contextlib.suppress(NotReadyError):  # the lease outlasts a short outage
                 if time.monotonic() >= next_heartbeat:
-                    is_current = self.transitions.extend_lease(job, lease_s=LEASE_S)
-                    next_heartbeat = time.monotonic() + HEARTBEAT_S
+                    is_current = self.transitions.extend_lease(job, lease_s=lease_s)
+                    next_heartbeat = time.monotonic() + HEARTBEAT_SHARE * lease_s
                 is_current = is_current and self._is_current_attempt(job, message)
             if message is not None and job.queue == "register":
                 self.spare.start()  # for the next task, while this one runs
@@ -223,7 +227,7 @@ class AttemptSupervisor:
             self._record_failure(job, answer)
             return
         cache = HttpCache(self.settings.data_dir, job.tenant)
-        with kept_lease(self.transitions, job):
+        with kept_lease(self.transitions, job, lease_s=self.settings.lease_s):
             source = self._with_content(job.source, answer.source, task.output("source"), cache)
             if is_fetched_once(job.source, job.target):
                 target = replace(job.target, sha256=source.sha256, size=source.size)
@@ -256,7 +260,7 @@ class AttemptSupervisor:
         if not isinstance(answer, Succeeded):
             self._record_failure(job, answer)
             return
-        with kept_lease(self.transitions, job):
+        with kept_lease(self.transitions, job, lease_s=self.settings.lease_s):
             result, inliers = _retry_while_unavailable(lambda: store_result(scratch, self.blobs))
         outcome = Outcome(
             result_sha256=result.sha256,
@@ -269,7 +273,8 @@ class AttemptSupervisor:
             warnings=answer.warnings,
         )
         key = hash_work(job.source, job.target, job.options)
-        _retry_while_unavailable(lambda: self.transitions.succeed(job, outcome, key))
+        if not _retry_while_unavailable(lambda: self.transitions.succeed(job, outcome, key)):
+            log.warning("the result of attempt %d came too late and was refused", job.attempt)
 
     def _record_failure(self, job: JobRow, answer: Answer | None) -> None:
         """Record a Failed; do nothing without an answer.
@@ -304,14 +309,14 @@ class AttemptSupervisor:
 
 
 def _retry_while_unavailable(record: Callable[[], T]) -> T:
-    """Call `record` until the store answers, at most as long as the lease lasts.
+    """Call `record` until the store answers, for RETRY_S seconds.
 
     Raises
     ------
     NotReadyError
         The store was unavailable all the time.
     """
-    deadline = time.monotonic() + LEASE_S
+    deadline = time.monotonic() + RETRY_S
     while time.monotonic() < deadline:
         with contextlib.suppress(NotReadyError):
             return record()

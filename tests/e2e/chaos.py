@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import numpy as np
 import psutil
 
+from tests.factories.chaos_jobs import Wanted, check_end, wanted, was_lost
 from tests.factories.logs import logged_errors
 from tests.factories.postgres import find_programs, running_postgres
 from tests.factories.processes import all_of, forkserver, suspended
 from tests.factories.receiver import Receiver, receiving
-from tests.factories.scans import Points, Pose, arms, as_npy, motion, moved, pose_error
+from tests.factories.scans import as_npy
 from tests.factories.server import PROJECT, Server, finished, running_server, submit
 from tests.factories.waiting import until
 
@@ -45,20 +45,6 @@ CLOCK_JUMP_S = 700.0
 """More than MPE_JOB_TIMEOUT_S and all leases."""
 SHORT_S = (0.2, 2.0)
 """Range of the lengths of suspensions, beside the long one."""
-TARGET = arms(0)
-BAD_EVERY = 10
-"""Each tenth job has a source of two points and must fail for that."""
-
-
-@dataclass(frozen=True)
-class Wanted:
-    number: int
-    source: Points
-    truth: Pose
-
-    @property
-    def is_bad(self) -> bool:
-        return self.number % BAD_EVERY == 0
 
 
 @dataclass
@@ -91,7 +77,7 @@ class Chaos:
             "jobs accepted": len(self.accepted),
             "succeeded": sum(job["status"] == "succeeded" for job in ended.values()),
             "failed for their input": sum(w.is_bad for w in self.accepted.values()),
-            "failed after three lost attempts": sum(map(_was_lost, ended.values())),
+            "failed after three lost attempts": sum(map(was_lost, ended.values())),
             "killed, suspended, clock set": dict(self.killed),
             "attempts needed: jobs": dict(sorted(attempts.items())),
             "callbacks received": len(self.receiver.received),
@@ -103,13 +89,13 @@ class Chaos:
         """Until it is accepted; the key makes sure that it is accepted once."""
         in_step = self.kills * number // self.jobs - 1
         until(lambda: sum(self.killed.values()) >= in_step, within_s=600)
-        wanted = _wanted(self.seed, number)
+        one = wanted(self.seed, number)
         with httpx.Client(base_url=self.server.url, timeout=30, trust_env=False) as client:
-            self.accepted[until(lambda: self._try(client, wanted))] = wanted
+            self.accepted[until(lambda: self._try(client, one))] = one
 
     def _try(self, client: httpx.Client, wanted: Wanted) -> str:
         """Id of the job; empty when nobody answered, or with "later"."""
-        files = as_npy(wanted.source), as_npy(TARGET)
+        files = as_npy(wanted.source), as_npy(wanted.target)
         key = {"Idempotency-Key": f"job-{wanted.number}"}
         try:
             response = submit(client, *files, headers=key, callback_url=self.receiver.url)
@@ -157,9 +143,9 @@ class Chaos:
 
     def _ends(self) -> dict[str, dict[str, Any]]:
         ended = {}
-        for job_id, wanted in self.accepted.items():
+        for job_id, one in self.accepted.items():
             job = finished(self.server.client, job_id)
-            _check_end(job, wanted)
+            check_end(job, one)
             self._check_ended_once(job_id)
             ended[job_id] = job
         assert len(ended) == self.jobs, "a job was accepted twice, or forgotten"
@@ -187,29 +173,6 @@ class Chaos:
         self.server.stop()
         _, alive = psutil.wait_procs(all_of(self.server.data_dir), timeout=60)
         assert not alive, f"processes are left: {alive}"
-
-
-def _wanted(seed: int, number: int) -> Wanted:
-    rng = np.random.default_rng((seed, number))
-    truth = motion(rng, TARGET, 20, 0.2)
-    source = moved(np.linalg.inv(truth), TARGET)
-    return Wanted(number, source[:2] if number % BAD_EVERY == 0 else source, truth)
-
-
-def _was_lost(job: dict[str, Any]) -> bool:
-    return job["status"] == "failed" and job["error"]["type"] == "urn:mpe:problem:worker-lost"
-
-
-def _check_end(job: dict[str, Any], wanted: Wanted) -> None:
-    if _was_lost(job):
-        assert job["attempt"] >= 3
-    elif wanted.is_bad:
-        assert job["error"]["type"] == "urn:mpe:problem:too-few-points", job
-    else:
-        assert job["status"] == "succeeded", job
-        degrees, shift = pose_error(np.array(job["result"]["transform"]), wanted.truth, TARGET)
-        assert degrees < 0.1
-        assert shift < 0.02
 
 
 def run(

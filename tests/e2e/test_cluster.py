@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import threading
+import time
 from collections.abc import Iterator
 
+import httpx
 import pytest
 
 from tests.e2e.test_events import follow
@@ -12,8 +16,9 @@ from tests.factories.postgres import Postgres
 from tests.factories.processes import workers
 from tests.factories.s3 import S3Server
 from tests.factories.scans import arms, as_npy
-from tests.factories.server import Server, finished, registered, running_server
+from tests.factories.server import CALL_S, Server, finished, registered, running_server, submit
 from tests.factories.slow import SLOW, slow_pair
+from tests.factories.tcp_proxy import Balancer, running_proxy
 from tests.factories.waiting import until
 
 CLOUD = as_npy(arms(1))
@@ -25,7 +30,7 @@ TUS = {"Tus-Resumable": "1.0.0"}
 @pytest.fixture(scope="module")
 def settings(postgres: Postgres, s3: S3Server) -> dict[str, object]:
     database = {"database_url": postgres.new_database(), "maintenance_interval_s": 1}
-    return {**database, **s3.new_prefix(), "workers": 1}
+    return {**database, **s3.new_prefix(), "workers": 1, "shutdown_delay_s": 1}
 
 
 @pytest.fixture(scope="module")
@@ -120,3 +125,32 @@ def test_when_a_worker_is_killed_nothing_is_lost(first: Server, worker: Server) 
     worker.start()
     ended = finished(first.client, job_id)
     assert (ended["status"], ended["attempt"]) == ("succeeded", 2)
+
+
+def test_a_rolling_restart_fails_no_call(first: Server, second: Server) -> None:
+    """Behind a proxy that sends calls to services that are ready."""
+    answers: list[int] = []
+    has_ended = threading.Event()
+
+    def call(url: str) -> None:
+        seeds = itertools.count(1000)
+        while not has_ended.is_set():
+            with httpx.Client(base_url=url, timeout=CALL_S, trust_env=False) as client:
+                answers.append(client.get(JOBS).status_code)
+            with httpx.Client(base_url=url, timeout=CALL_S, trust_env=False) as client:
+                options = json.dumps({"seed": next(seeds)})
+                answers.append(submit(client, CLOUD, CLOUD, options=options).status_code)
+            time.sleep(0.2)
+
+    with running_proxy(Balancer([first.url, second.url]).dial) as proxy:
+        caller = threading.Thread(target=call, args=[f"http://127.0.0.1:{proxy.port}"])
+        caller.start()
+        for server in (first, second):
+            until(lambda: len(answers) > 2)
+            server.stop()
+            server.start()
+            answers_before = len(answers)
+            until(lambda: len(answers) > answers_before + 2)  # noqa: B023
+        has_ended.set()
+        caller.join()
+    assert set(answers) == {200, 202}

@@ -21,6 +21,8 @@ DEBIAN = Path("/usr/lib/postgresql")
 SETTINGS = {
     "listen_addresses": "",
     "shared_buffers": "16MB",
+    # of five services and a crowd of tests
+    "max_connections": "200",
     # nothing is lost unless the machine itself fails
     "fsync": "off",
 }
@@ -38,7 +40,8 @@ def find_programs() -> Path | None:
 class Postgres:
     """A server that is reached by its socket; `start` and `stop` may be called again and again."""
 
-    def __init__(self, programs: Path, directory: Path) -> None:
+    def __init__(self, programs: Path, directory: Path, **settings: str) -> None:
+        self._settings = SETTINGS | settings
         self.programs = programs
         self._directory = directory
         self._owner = _owner()
@@ -64,14 +67,26 @@ class Postgres:
         return (self._directory / "log").read_text()
 
     def start(self) -> None:
-        settings = [f"-c{name}={value}" for name, value in SETTINGS.items()]
+        settings = [f"-c{name}={value}" for name, value in self._settings.items()]
         self._server = self._run("postgres", f"-k{self._directory}", *settings)
         until(self._answers)
 
     def stop(self) -> None:
         """At once, whoever is connected."""
+        self._end(signal.SIGINT)
+
+    def kill(self) -> None:
+        """As by a crash: the next start replays the log."""
+        self._end(signal.SIGQUIT)
+
+    @property
+    def socket(self) -> Path:
+        """Where it listens."""
+        return self._directory / ".s.PGSQL.5432"
+
+    def _end(self, number: signal.Signals) -> None:
         assert self._server is not None
-        self._server.send_signal(signal.SIGINT)
+        self._server.send_signal(number)
         self._server.wait()
 
     def _answers(self) -> bool:
@@ -101,10 +116,10 @@ class Postgres:
 
 
 @contextmanager
-def running_postgres(programs: Path) -> Iterator[Postgres]:
-    """A server in a new directory; both are gone afterwards."""
+def running_postgres(programs: Path, **settings: str) -> Iterator[Postgres]:
+    """A server in a new directory; both are gone afterwards. `settings` go before SETTINGS."""
     with tempfile.TemporaryDirectory(prefix="mpe-postgres-") as directory:
-        postgres = Postgres(programs, Path(directory))
+        postgres = Postgres(programs, Path(directory), **settings)
         postgres.start()
         try:
             yield postgres

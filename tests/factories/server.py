@@ -20,7 +20,7 @@ PROJECT = Path(__file__).parent.parent.parent
 PORTS = range(15_000, 32_000)
 """Below those that systems give to outgoing connections, one of which could take the port away."""
 CALL_S = 150.0
-START_S = 240.0
+START_S = 600.0
 """A first start compiles the kernels."""
 
 
@@ -47,6 +47,10 @@ class Server:
         return self._process.pid
 
     @property
+    def is_running(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    @property
     def log(self) -> str:
         return (self.data_dir.parent / "server.log").read_text()
 
@@ -62,7 +66,7 @@ class Server:
             )
         path = "/readyz" if ready else "/livez"
         try:
-            until(lambda: self._answers(path), within_s=START_S)
+            until(lambda: self._answers(path), within_s=START_S, every_s=0.1)
         except AssertionError as error:
             error.add_note(self.log[-20_000:])
             raise
@@ -152,7 +156,7 @@ def running_server(
         yield server
     finally:
         server.client.close()
-        if server._process is not None and server._process.poll() is None:
+        if server.is_running:
             server.stop()
 
 

@@ -9,13 +9,13 @@ from typing import TypeVar
 Seen = TypeVar("Seen")
 
 
-def until(look: Callable[[], Seen], *, within_s: float = 90) -> Seen:
-    """What `look()` gives as soon as that is true; fail when it is not within `within_s` seconds.
+def until(look: Callable[[], Seen], *, within_s: float = 90, every_s: float = 0.02) -> Seen:
+    """What `look()` gives once that is true; fail when it is not within `within_s` seconds.
 
     The bound only ends a test that would hang: it is far above what a busy machine takes.
     """
     deadline = time.monotonic() + within_s
     while not (seen := look()):
         assert time.monotonic() < deadline, f"waited {within_s} s in vain; last seen: {seen!r}"
-        time.sleep(0.02)
+        time.sleep(every_s)
     return seen

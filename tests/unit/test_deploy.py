@@ -15,6 +15,7 @@ from service.settings import Settings, setting_variables
 
 PROJECT = Path(__file__).parent.parent.parent
 FOLDER = PROJECT / "deploy"
+MONITORING = FOLDER / "monitoring"
 SECRET = {
     "MPE_DATABASE_URL": "postgresql://mpe:word@postgres/mpe",
     "MPE_BLOB_ACCESS_KEY_ID": "key",
@@ -61,7 +62,8 @@ def test_the_settings_are_valid(
     settings.check_shared()
     assert not settings.shares_data_dir
     pod = deployment["spec"]["template"]["spec"]
-    assert pod["terminationGracePeriodSeconds"] > settings.shutdown_grace_s
+    stopping_s = settings.shutdown_delay_s + settings.shutdown_grace_s
+    assert pod["terminationGracePeriodSeconds"] > stopping_s
     (data,) = (each for each in pod["volumes"] if each["name"] == "data")
     limit = int(data["emptyDir"]["sizeLimit"].removesuffix("Gi")) << 30
     assert settings.blob.cache_bytes + settings.min_free_disk_bytes < limit
@@ -107,3 +109,15 @@ def test_compose_files_name_settings_and_commands_that_exist(path: Path) -> None
         assert of_mpe <= KNOWN, name
         for words in re.findall(r"exec mpe (.+)", " ".join(map(str, service.get("command", [])))):
             _parser().parse_args(words.split())
+
+
+def test_prometheus_asks_every_replica_that_compose_starts() -> None:
+    compose = yaml.safe_load((PROJECT / "compose.cluster.yaml").read_text())
+    (job,) = yaml.safe_load((MONITORING / "prometheus.yaml").read_text())["scrape_configs"]
+    (by_name,) = job["dns_sd_configs"]
+    of_mpe = {name for name, of in compose["services"].items() if of.get("image") == "mpe"}
+    assert set(by_name["names"]) == of_mpe
+    for name in of_mpe:
+        assert f"--port {by_name['port']}" in compose["services"][name]["command"][-1]
+    for config in compose["configs"].values():
+        assert "content" in config or (PROJECT / config["file"]).is_file()

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
+from service.jobs.model import JOB_STATUSES
 from service.problems import all_problem_types
 from service.telemetry.metrics import Metrics
 
@@ -34,8 +35,9 @@ OF_THE_SCRAPE = {"instance", "job", "le"}
 def known() -> dict[str, set[str]]:
     """Labels of each metric, by its name without a suffix."""
     metrics = Metrics()
-    jobs: Any = SimpleNamespace(count=lambda status: 0, oldest_queued_at=lambda: None)
-    metrics.watch(jobs)
+    counts = dict.fromkeys(JOB_STATUSES, 0)
+    jobs: Any = SimpleNamespace(count_by_status=lambda: counts, queue_age_s=lambda: 0.0)
+    metrics.watch(jobs, lambda: 0, lambda: False)
     labels = {
         each._name: set(each._labelnames)
         for each in vars(metrics).values()

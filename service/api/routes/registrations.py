@@ -23,6 +23,8 @@ from service.api.dependencies import (
 from service.api.disconnect import unless_disconnected
 from service.api.error_handlers import ProblemResponse
 from service.api.long_poll import wait_until_ended
+from service.api.submission import Submission
+from service.auth.authenticator import Caller
 from service.database.pagination import cut_page
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobRow, JobStatus, is_terminal
@@ -82,10 +84,11 @@ async def create(
     `job` is the id of the failed job.
     """
     job = await run_in_threadpool(
-        runtime.submit,
-        submission.to_job(caller.tenant),
+        _submit,
+        runtime,
+        submission,
+        caller,
         None if key is None else Idempotency(key, submission.fingerprint()),
-        tenant_queue_limit=caller.limits.queue_limit,
     )
     if key is not None:
         runtime.in_flight_keys.release(caller.tenant, key)
@@ -200,3 +203,10 @@ def _to_epoch(moment: datetime | None) -> float | None:
     if moment is None:
         return None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _submit(
+    runtime: Runtime, submission: Submission, caller: Caller, idempotency: Idempotency | None
+) -> JobRow:
+    job = submission.to_job(caller.tenant, runtime.jobs.present())
+    return runtime.submit(job, idempotency, tenant_queue_limit=caller.limits.queue_limit)

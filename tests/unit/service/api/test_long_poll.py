@@ -88,7 +88,7 @@ def test_what_ends_a_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: 
 
     def end(runtime: Runtime, job: JobRow) -> None:
         if how == "stopped":
-            runtime.drain(0)
+            runtime.drain()
         else:
             runtime.cancel(job.id)
         if how == "removed":

@@ -24,7 +24,7 @@ from service.problems import (
 from service.schemas import RegistrationParameters
 from tests.factories.api import FORM_TYPE, XYZ, form, idle_runtime, part, request_of
 
-TENANT = "lab"
+TENANT, NOW = "lab", 1e9
 JSON_TYPE = {"Content-Type": "application/json; charset=utf-8"}
 FILES = (part("source", XYZ, filename="a"), part("target", XYZ + b"1 1 1\n", filename="b"))
 BY_ID = {"source": {"cloud": "door"}, "target": {"cloud": "door"}}
@@ -60,8 +60,8 @@ def test_a_form_and_json_that_ask_for_the_same_are_equal(tmp_path: Path) -> None
     parts = [part(name, json.dumps(value).encode()) for name, value in (said | BY_ID).items()]
     by_form, by_json = read_form(tmp_path, *parts), read_json(tmp_path, said | BY_ID)
     assert by_form.fingerprint() == by_json.fingerprint()
-    job = by_form.to_job(TENANT)
-    assert job.work_key == by_json.to_job(TENANT).work_key
+    job = by_form.to_job(TENANT, NOW)
+    assert job.work_key == by_json.to_job(TENANT, NOW).work_key
     assert (job.tenant, job.labels, job.priority) == (TENANT, {"part": "door"}, 3)
     assert job.options["seed"] == 12
     assert job.source.reading == {"scan": 1}
@@ -158,6 +158,8 @@ def test_the_fingerprint_covers_everything(change: Callable[[Submission], Submis
 def test_a_deadline_counts_from_acceptance() -> None:
     cloud = CloudInput("ab", 1)
     wanted = RegistrationParameters.model_validate_json('{"deadline_s": 60}')
-    job = Submission(cloud, cloud, wanted).to_job(TENANT)
+    job = Submission(cloud, cloud, wanted).to_job(TENANT, NOW)
     assert job.deadline_at == job.created_at + 60
-    assert Submission(cloud, cloud, RegistrationParameters()).to_job(TENANT).deadline_at is None
+    assert (
+        Submission(cloud, cloud, RegistrationParameters()).to_job(TENANT, NOW).deadline_at is None
+    )

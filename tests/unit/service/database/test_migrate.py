@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import shutil
 from collections.abc import Iterator
+from contextlib import closing
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from service.database.engine import open_database
 from service.database.migrate import STEPS, migrate
 from service.database.tables import metadata
 from service.jobs.queries import JobQueries
-from tests.factories.jobs import claim, open_transitions
+from tests.factories.jobs import OUTCOME, claim, open_transitions
 
 NEXT = """
 from alembic import op
@@ -56,7 +57,7 @@ def engine(url: str) -> Iterator[Engine]:
 
 
 def fill_version_1(connection: Connection) -> None:
-    """A job that has succeeded, one that waits, what belongs to them, a cloud, an upload."""
+    """A job that has succeeded, one that waits, one that runs, and what belongs to them."""
     migrate(connection, to="1")
     tables = MetaData()
     tables.reflect(connection)
@@ -72,7 +73,9 @@ def fill_version_1(connection: Connection) -> None:
     waits = {"status": "queued", "stage": "queued", "fraction": 0.0, "timing": {}}
     add("jobs", id="done", **common, **ended)
     add("jobs", id="waits", **common, **waits)
-    for job in ("done", "waits"):
+    runs = waits | {"status": "running", "started_at": 1e9, "lease_until": 1e9 + 30}
+    add("jobs", id="runs", **(common | {"priority": 1}), **runs)
+    for job in ("done", "waits", "runs"):
         fields = {"status": "queued", "stage": "queued", "fraction": 0.0}
         add("events", job_id=job, number=1, at=1e9, **fields)
         add("idempotency_keys", key=job, fingerprint="f", job_id=job)
@@ -135,6 +138,23 @@ def test_an_upgraded_store_works(url: str, engine: Engine) -> None:
     database.close()
 
 
+@pytest.mark.parametrize("version", range(1, 1 + len(list((STEPS / "versions").glob("v*.py")))))
+def test_a_store_of_each_version_goes_on(url: str, engine: Engine, version: int) -> None:
+    """What had ended is there, what ran is run again, what waited waits."""
+    with engine.begin() as connection:
+        fill_version_1(connection)
+        migrate(connection, to=str(version))
+    with closing(open_database(url)) as database:
+        transitions, queries = open_transitions(database), JobQueries(database)
+        assert transitions.requeue_orphans() == 1
+        for job_id in ("waits", "runs"):
+            job = claim(transitions)
+            assert (job.id, job.attempt) == (job_id, 2)
+            assert transitions.succeed(job, OUTCOME, None)
+        assert queries.count_by_status()["succeeded"] == 3
+        assert [event.number for event in queries.events("default", "runs", after=1)] == [2, 3, 4]
+
+
 def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
     url: str, engine: Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,7 +172,7 @@ def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
     with engine.connect() as connection:
         after = contents(connection)
     assert is_kept(before, after)
-    assert [job["weight"] for job in after["jobs"]] == [7, 7]
+    assert [job["weight"] for job in after["jobs"]] == [7, 7, 7]
 
 
 def test_opening_again_changes_nothing(url: str, engine: Engine) -> None:

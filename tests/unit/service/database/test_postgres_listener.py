@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from contextlib import closing
+from pathlib import Path
 
 import psycopg
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from service.database import postgres_listener
 from service.database.engine import open_database
 from tests.factories.postgres import Postgres
+from tests.factories.waiting import until
 
 PATIENCE_S = 30
 
@@ -45,3 +47,27 @@ def test_messages_are_heard_once_they_are_committed(
             assert is_listening.wait(PATIENCE_S)  # it says that something may have been missed
             announce("second")
             assert heard.get(timeout=PATIENCE_S) == "second"
+
+
+def test_one_process_leads_and_another_follows(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(postgres_listener, "RECONNECT_S", 0.01)
+    monkeypatch.setattr(postgres_listener, "WAIT_S", 0.01)
+    url = postgres.new_database()
+    with closing(open_database(url)) as one, closing(open_database(url)) as other:
+        first = one.listen(print, lambda: None)
+        until(lambda: first.is_leader)
+        with closing(other.listen(print, lambda: None)) as second:
+            assert not second.is_leader
+            first.close()
+            until(lambda: second.is_leader)
+            assert not first.is_leader
+
+
+def test_a_single_process_leads(tmp_path: Path) -> None:
+    with (
+        closing(open_database(f"sqlite:///{tmp_path / 'jobs.sqlite3'}")) as database,
+        closing(database.listen(print, lambda: None)) as alone,
+    ):
+        assert alone.is_leader

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
+
+import pytest
+from sqlalchemy import insert
 
 from service.clouds.inputs import CloudInput
+from service.database.engine import Database
+from service.database.tables import jobs
+from service.jobs.claim_order import enter_queue
 from service.jobs.model import JobRow
 from service.jobs.transitions import JobTransitions
-from tests.factories.jobs import CLOUD, LEASE_S, OUTCOME, add, claim
+from tests.factories.jobs import CLOUD, LEASE_S, OUTCOME, add, claim, new_job, open_transitions
 
 AWAY = CloudInput(url="http://there/cloud.ply")
 
@@ -117,3 +123,30 @@ def test_claims_at_the_same_time_share_alike(transitions: JobTransitions) -> Non
     with ThreadPoolExecutor(6) as threads:
         claimed = list(threads.map(lambda _: transitions.claim(lease_s=LEASE_S), range(12)))
     assert Counter(job.tenant for job in claimed if job) == {"a": 4, "b": 4, "c": 4}
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_five_jobs_behind_five_hundred_end_within_twice_their_time(
+    database: Database, workers: int
+) -> None:
+    transitions = open_transitions(database, queue_limit=1000)
+    alone = count_rounds(transitions, workers)
+    with database.write() as connection:
+        rows = [asdict(new_job(tenant="a")) for _ in range(500)]
+        connection.execute(insert(jobs), rows)
+        enter_queue(connection, "a", "register")
+    assert count_rounds(transitions, workers) <= 2 * alone
+
+
+def count_rounds(transitions: JobTransitions, workers: int) -> int:
+    """How often each worker has run a job until the five of a tenant have ended."""
+    add_many(transitions, "b", 5)
+    ended = rounds = 0
+    while ended < 5:
+        claimed = [transitions.claim(lease_s=LEASE_S) for _ in range(workers)]
+        for job in claimed:
+            if job is not None:
+                finish(transitions, job)
+                ended += job.tenant == "b"
+        rounds += 1
+    return rounds

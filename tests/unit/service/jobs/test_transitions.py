@@ -13,6 +13,7 @@ from service.jobs.claim_order import MAX_PAUSE_S
 from service.jobs.model import JobRow
 from service.jobs.queries import JobQueries
 from service.jobs.transitions import MAX_INTERRUPTIONS, MAX_LOST_ATTEMPTS, JobTransitions
+from tests.factories.clock_of_tests import pass_time
 from tests.factories.jobs import LEASE_S, OUTCOME, TENANT, add, claim, open_transitions
 
 
@@ -167,26 +168,24 @@ def test_the_pauses_after_interruptions_grow_up_to_a_bound() -> None:
 
 
 def test_a_job_that_pauses_lets_others_go_first(
-    transitions: JobTransitions, monkeypatch: pytest.MonkeyPatch
+    transitions: JobTransitions, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(transitions_module, "_pause_after", lambda interruptions: 60.0)
     first, second = add(transitions), add(transitions)
     assert transitions.interrupt(claim(transitions), "the disk is full")
     assert claim(transitions).id == second.id
     assert transitions.claim(lease_s=LEASE_S) is None
-    real = time.time
-    monkeypatch.setattr(time, "time", lambda: real() + 61)
+    pass_time(database, 61)
     assert claim(transitions).id == first.id
 
 
 def test_a_pause_beyond_the_bound_is_a_clock_that_was_set_back(
-    transitions: JobTransitions, monkeypatch: pytest.MonkeyPatch
+    transitions: JobTransitions, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(transitions_module, "_pause_after", lambda interruptions: MAX_PAUSE_S)
     first = add(transitions)
     assert transitions.interrupt(claim(transitions), "the disk is full")
-    real = time.time
-    monkeypatch.setattr(time, "time", lambda: real() - 3600)
+    pass_time(database, -3600)
     assert claim(transitions).id == first.id
 
 

@@ -96,7 +96,7 @@ def test_what_a_killed_sender_had_begun_is_sent_again(
     again = second.claim(8)
     assert again is not None
     assert again.id == slow.id
-    first.record_attempt(slow, {"at": 1.0}, "failed", None)  # it came too late
-    second.record_attempt(again, {"at": 2.0}, "delivered", None)
+    first.record_attempt(slow, {"at": 1.0}, "failed")  # it came too late
+    second.record_attempt(again, {"at": 2.0}, "delivered")
     (row,) = second.of_job(slow.job_id)
     assert (row.status, row.tries) == ("delivered", [{"at": 2.0}])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from service.database.engine import Database
-from service.jobs import worker_slots
 from service.jobs.worker_slots import SLOTS_LEASE_S, WorkerSlots
+from tests.factories.clock_of_tests import pass_time
 
 
 def test_slots_of_all_services_are_added(database: Database) -> None:
@@ -20,12 +18,11 @@ def test_slots_of_all_services_are_added(database: Database) -> None:
 
 
 def test_a_service_that_is_gone_no_longer_counts(
-    database: Database, monkeypatch: pytest.MonkeyPatch
+    database: Database,
 ) -> None:
     gone, alive = WorkerSlots(database, 2), WorkerSlots(database, 3)
     gone.announce()
-    now = worker_slots.time.time() + SLOTS_LEASE_S + 1
-    monkeypatch.setattr(worker_slots.time, "time", lambda: now)
+    pass_time(database, SLOTS_LEASE_S + 1)
     alive.announce()
     assert alive.count() == 3
 

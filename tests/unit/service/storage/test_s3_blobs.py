@@ -27,6 +27,7 @@ def objects(s3: S3Server, settings: BlobSettings) -> list[Path]:
 
 def collect(store: S3BlobStore, *needed: str) -> None:
     store.collect(lambda: set(needed), now=time.time(), grace_s=GRACE_S)
+    store.collect_shared(lambda: set(needed), grace_s=GRACE_S)
 
 
 def test_another_machine_reads_what_one_has_stored(open_s3: Open) -> None:

@@ -61,7 +61,7 @@ def test_a_suspension_costs_no_more_than_a_step(clocks: Clocks) -> None:
 
 @pytest.mark.parametrize("jump", [700.0, -700.0])
 def test_a_jump_of_the_clock_changes_no_limit(clocks: Clocks, jump: float) -> None:
-    job = new_job(deadline_at=clocks.wall + 30)
+    job = new_job(started_at=clocks.wall, deadline_at=clocks.wall + 30)
     limits = AttemptLimits.of(job, 600.0)
     clocks.wall += jump
     look_for(limits, clocks, 29)

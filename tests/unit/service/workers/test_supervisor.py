@@ -359,10 +359,10 @@ def test_a_store_that_is_away_for_a_while_loses_nothing(
     assert attempts.run(said).status == status
 
 
-def test_a_store_that_stays_away_is_given_up_with_the_lease(
+def test_a_store_that_stays_away_is_given_up(
     attempts: Attempts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "LEASE_S", 0.05)
+    monkeypatch.setattr(module, "RETRY_S", 0.05)
     attempts.add()
     monkeypatch.setattr(attempts.transitions, "fail", away(attempts.transitions.fail, 10**6))
     with pytest.raises(NotReadyError):
@@ -372,7 +372,7 @@ def test_a_store_that_stays_away_is_given_up_with_the_lease(
 def test_the_lease_is_extended_while_the_child_works(
     attempts: Attempts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "HEARTBEAT_S", 0.0)
+    monkeypatch.setattr(module, "HEARTBEAT_SHARE", 0.0)
     attempts.add()
     beats: list[str] = []
     monkeypatch.setattr(
