@@ -9,7 +9,7 @@ PORT ?= 8000
 FUZZ_SECONDS ?= 300
 SOAK_SECONDS ?= 3600
 
-.PHONY: help setup page site run demo cluster test coverage chaos soak check format openapi lock bench paper peers fuzz clean
+.PHONY: help setup page site run demo cluster test coverage chaos soak attack check format openapi lock bench paper peers fuzz clean
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -72,6 +72,9 @@ chaos: setup  ## 300 jobs while the server is killed, suspended and its clock se
 
 soak: setup  ## an hour of 64 clients, some hostile, kills, suspensions, full disks (SOAK_SECONDS)
 	$(PY) -m tests.e2e.soak --seconds $(SOAK_SECONDS)
+
+attack: setup  ## how fast /livez answers under each attack, and under all together
+	$(PY) -m tests.e2e.attacks
 
 check: setup  ## formatting, lint, types, import rules, licences, known vulnerabilities
 	.venv/bin/ruff format --check .

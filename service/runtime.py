@@ -241,6 +241,10 @@ def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[Maintenan
     def needed() -> set[str]:
         return find_needed_blobs(database)
 
+    def collect_decoded() -> None:
+        """Remove what no cloud needs, and everything where the disk is short: it can be redone."""
+        decoded.collect(set() if runtime.disk.is_short else find_cloud_blobs(database))
+
     def collect_blobs() -> None:
         removed = runtime.blobs.collect(needed, now=time.time(), grace_s=settings.blob.grace_s)
         if removed:
@@ -258,7 +262,7 @@ def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[Maintenan
         _once_for_all(lambda: drop_expired(database), listening),
         collect_blobs,
         _once_for_all(collect_shared_blobs, listening),
-        lambda: decoded.collect(find_cloud_blobs(database)),
+        collect_decoded,
         lambda: http_cache.prune(settings.data_dir, runtime.blobs),
     ]
 

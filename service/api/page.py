@@ -46,8 +46,16 @@ def find_asset(name: str) -> Path:
     return _require(_PAGE / "assets" / name)
 
 
+def is_file(path: Path) -> bool:
+    """Return whether there is such a file; there is none whose name is too long or has a NUL."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def _require(path: Path) -> Path:
-    if not path.is_file():
+    if not is_file(path):
         raise PageNotFoundError(
             "The page or a file of it is missing: load the page again; in a checkout, `make page` "
             "builds it."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from service.api.page import STATIC
+from service.api.page import STATIC, is_file
 from service.problems import PageNotFoundError
 
 SITE = STATIC / "docs"
@@ -28,9 +28,8 @@ def find_document(path: str) -> Path:
     PageNotFoundError
         There is no such file.
     """
-    site = SITE.resolve()
-    file = (site / (path or "index.html")).resolve()
-    if not file.is_relative_to(site) or not file.is_file():
+    site, named = SITE.resolve(), SITE / (path or "index.html")
+    if not is_file(named) or not (file := named.resolve()).is_relative_to(site):
         raise PageNotFoundError(
             "The documents have no such page: /docs/ is the first one; in a checkout, `make site` "
             "builds them."

@@ -23,6 +23,7 @@ from service.problems import (
 )
 from service.settings import Settings
 from service.storage.blobs import BlobStore
+from service.storage.disk_space import DiskSpace
 from service.storage.plain_file import is_plain_file
 from service.storage.scratch import scratch_folder
 from service.telemetry.json_logs import job_context
@@ -34,6 +35,8 @@ MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
 MAX_WAITING = 8
 """Further exports that wait in a thread; those of the API wait before, in `ExportGate`."""
+DISK_INTERVAL_S = 0.25
+"""Interval of the looks at the disk while a file grows, in seconds."""
 
 
 class ExportError(ServiceError):
@@ -60,6 +63,7 @@ class Exporter:
     def __init__(self, settings: Settings, blobs: BlobStore) -> None:
         self._settings = settings
         self._blobs = blobs
+        self._disk = DiskSpace(settings.data_dir, settings.min_free_disk_bytes)
         self._changed = threading.Condition()
         self._waiting = 0
         self._running = 0
@@ -89,7 +93,7 @@ class Exporter:
         JobTimeoutError
             It took longer than MPE_JOB_TIMEOUT_S.
         OverloadedError
-            Too many exports are waiting.
+            Too many exports are waiting, or the file leaves too little of the disk.
         NotReadyError
             The service is stopping.
         ExportError, WorkerLostError
@@ -148,7 +152,7 @@ class Exporter:
         """Let a child write the file; return its warnings."""
         try:
             with self._child() as child:
-                answer = _await_answer(child, task, self._settings.job_timeout_s)
+                answer = _await_answer(child, task, self._settings.job_timeout_s, self._disk)
         except ChildLostError as lost:
             if self._is_stopping:
                 raise NotReadyError("The service is stopping; retry later.") from lost
@@ -176,15 +180,17 @@ class Exporter:
             child.close()
 
 
-def _await_answer(child: Child, task: FileTask, timeout_s: float) -> Answer:
+def _await_answer(child: Child, task: FileTask, timeout_s: float, disk: DiskSpace) -> Answer:
     if not child.wait_until_ready():
         raise ChildLostError("its process did not get ready")
     child.send_task(task)
     deadline = time.monotonic() + timeout_s
     while (left_s := deadline - time.monotonic()) > 0:
-        message = child.receive(left_s)
+        message = child.receive(min(left_s, DISK_INTERVAL_S))
         if isinstance(message, Exported | Failed):
             return message
         if message is not None:
             raise ChildLostError(f"it answered {message.kind!r} to another task")
+        if disk.is_short:
+            raise OverloadedError("Too little disk is left for the file; retry later.")
     raise JobTimeoutError(f"The export was ended after the allowed {timeout_s:g} s.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import signal
 import time
@@ -33,6 +34,7 @@ from service.problems import (
 from service.settings import Settings
 from service.storage.blobs import Blob, BlobStore
 from service.storage.decoded_cache import DecodedCache
+from service.storage.disk_space import DiskSpace
 from service.storage.scratch import scratch_folder
 from service.workers.attempt_limits import AttemptLimits
 from service.workers.child import Child, ChildLostError, NoProcessError
@@ -191,9 +193,12 @@ class AttemptSupervisor:
         ------
         JobTimeoutError, DeadlineError
             The time is over.
+        OSError
+            What is fetched leaves too little of the disk (ENOSPC).
         ChildLostError
             The child ended or sent nonsense.
         """
+        disk = DiskSpace(self.settings.data_dir, self.settings.min_free_disk_bytes)
         started_at, recorded = time.monotonic(), 0
         lease_s = self.settings.lease_s
         next_heartbeat = started_at + HEARTBEAT_SHARE * lease_s
@@ -211,6 +216,8 @@ class AttemptSupervisor:
                     is_current = self.transitions.extend_lease(job, lease_s=lease_s)
                     next_heartbeat = time.monotonic() + HEARTBEAT_SHARE * lease_s
                 is_current = is_current and self._is_current_attempt(job, message)
+            if job.queue == "fetch" and disk.is_short:
+                raise OSError(errno.ENOSPC, "too little of the disk would be left")
             if message is not None and job.queue == "register":
                 self.spare.start()  # for the next task, while this one runs
         return None

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from service.clouds.inputs import CloudInput
 from service.jobs.model import JobRow, Outcome
@@ -35,17 +39,20 @@ DEVIATION = Deviation(
 )
 
 
-def add_finished(runtime: Runtime) -> str:
-    """Id of a registration whose result and clouds are stored."""
+def add_finished(runtime: Runtime, inliers: NDArray[np.void] | None = None) -> str:
+    """Id of a registration whose result and clouds are stored; two pairs unless some are given."""
     files = result_files()
+    if inliers is not None:
+        np.save(buffer := io.BytesIO(), inliers)
+        files[INLIERS_NAME] = buffer.getvalue()
     cloud = runtime.blobs.put([b"0 0 0\n"])
     result = runtime.blobs.put([files[RESULT_NAME]])
-    inliers = runtime.blobs.put([files[INLIERS_NAME]])
+    pairs = runtime.blobs.put([files[INLIERS_NAME]])
     source = CloudInput(cloud.sha256, cloud.size)
     job = runtime.submit(new_job(tenant="default", source=source, target=source))
     claimed = runtime.transitions.claim("register", lease_s=LEASE_S)
     assert claimed is not None
-    outcome = Outcome(result.sha256, inliers.sha256, 1, 0.9, source, source, {}, [])
+    outcome = Outcome(result.sha256, pairs.sha256, 1, 0.9, source, source, {}, [])
     assert runtime.transitions.succeed(claimed, outcome, None)
     return job.id
 

@@ -11,11 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from service.runtime import Runtime
+from service.schemas.serialize_result import INLIER_DTYPE
 from tests.factories.api import FORM_TYPE, XYZ, form, on_api, part
+from tests.factories.finished import add_finished
 from tests.factories.hostile_files import HUGE
+from tests.factories.jobs import new_job
 
 MAX_STEP_S = 0.05
 """Processor time of one step; the longest of these takes 7.1 ms."""
@@ -99,3 +103,27 @@ async def _in_pieces(content: bytes) -> Any:
     """As a connection delivers them."""
     for start in range(0, len(content), 65536):
         yield content[start : start + 65536]
+
+
+LONGEST = {
+    "labels": {f"{i:064}": "\u00e9" * 256 for i in range(16)},
+    "callback_url": "http://there/" + "x" * 8000,
+    "warnings": ["y" * 400] * 16,
+}
+"""Texts of a registration, as long as they may be."""
+
+
+def test_no_long_answer_holds_the_loop(tmp_path: Path) -> None:
+    async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
+        pairs = np.zeros(200_000, INLIER_DTYPE)
+        job = f"{JOBS}/{add_finished(runtime, inliers=pairs)}"
+        for _ in range(200):
+            runtime.submit(new_job(tenant="default", **LONGEST))
+        for path in (f"{JOBS}?limit=200", job, f"{job}/inliers", "/openapi.json", "/metrics"):
+            await client.get("/livez")
+            with measured_steps() as steps:
+                answer = await client.get(path)
+            assert answer.status_code == 200, path
+            assert max(steps) < MAX_STEP_S, (path, max(steps), len(answer.content))
+
+    on_api(tmp_path, use)

@@ -17,7 +17,7 @@ SOURCES = Path(__file__).parents[4] / "web" / "src"
 
 
 def test_a_file_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page, "STATIC", tmp_path)
+    monkeypatch.setattr(page, "_PAGE", tmp_path)
     with pytest.raises(PageNotFoundError, match="make page"):
         page.find_page()
     (tmp_path / "assets").mkdir()
@@ -27,9 +27,12 @@ def test_a_file_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert page.find_asset("main-AB12.js").read_text() == "assets/main-AB12.js"
 
 
-@pytest.mark.parametrize("name", ["", ".", "..", "../index.html", "a/../b.js", "none.js", "a.js\n"])
+NOT_THERE = ["", ".", "..", "../index.html", "a/../b.js", "none.js", "a.js\n", "a" * 300 + ".js"]
+
+
+@pytest.mark.parametrize("name", NOT_THERE)
 def test_no_other_file_is(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page, "STATIC", tmp_path)
+    monkeypatch.setattr(page, "_PAGE", tmp_path)
     (tmp_path / "index.html").write_text("page")
     with pytest.raises(PageNotFoundError):
         page.find_asset(name)

@@ -26,8 +26,8 @@ APP_PATHS = sorted(
 )
 FINISHED = "FINISHED"
 """Stands for the id of a registration that has succeeded."""
-IDS = (FINISHED, "x", "%00", "%ff%fe", "..%2F..", "a" * 300)
-PATHS = [re.sub(r"\{\w+\}", name, path) for path in APP_PATHS for name in IDS]
+IDS = (FINISHED, "x", "%00", "%ff%fe", "..%2F..", "a" * 300, "a" * 300 + ".js")
+PATHS = [re.sub(r"\{[\w:]+\}", name, path) for path in APP_PATHS for name in IDS]
 PATHS += ["//", "*", "http://localhost/livez", "/v1/../livez", "/assets/..%2findex.html"]
 QUERIES = [
     "",

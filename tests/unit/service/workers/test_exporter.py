@@ -61,13 +61,17 @@ class AnyBlob(BlobStore):
 
 @contextmanager
 def exporter(
-    data_dir: Path, monkeypatch: pytest.MonkeyPatch, *lines: Line, timeout_s: float = 60
+    data_dir: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *lines: Line,
+    timeout_s: float = 60,
+    **settings: object,
 ) -> Iterator[tuple[Exporter, Children]]:
     """An exporter whose children say the lines; checks that nothing is left in the end."""
     children = Children(*lines)
     monkeypatch.setattr(module, "Child", children)
-    settings = Settings(data_dir=data_dir, job_timeout_s=timeout_s)
-    yield Exporter(settings, AnyBlob(data_dir)), children
+    settings = {"job_timeout_s": timeout_s, "min_free_disk_bytes": 0} | settings
+    yield Exporter(Settings(data_dir=data_dir, **settings), AnyBlob(data_dir)), children
     assert all(child.is_closed for child in children.started)
     assert list((data_dir / "scratch").iterdir()) == []
 
@@ -125,6 +129,17 @@ def test_the_time_limit_ends_an_export(tmp_path: Path, monkeypatch: pytest.Monke
         pytest.raises(JobTimeoutError, match=r"0\.05 s"),
     ):
         export(made)
+
+
+def test_a_file_that_leaves_too_little_of_the_disk_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (
+        exporter(tmp_path, monkeypatch, min_free_disk_bytes=2**60) as (made, children),
+        pytest.raises(OverloadedError, match="disk"),
+    ):
+        export(made)
+    assert children.started[0].is_killed
 
 
 class Waiting:

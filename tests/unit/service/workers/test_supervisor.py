@@ -206,6 +206,18 @@ def test_a_full_disk_costs_the_job_nothing_and_it_is_tried_again(
     assert attempts.run([SUCCEEDED]).status == "succeeded"
 
 
+def test_a_fetch_that_leaves_too_little_of_the_disk_is_tried_again(attempts: Attempts) -> None:
+    attempts.add(source=AWAY)
+    attempts.settings = attempts.settings.model_copy(update={"min_free_disk_bytes": 2**60})
+    job = attempts.fetch()
+    assert (job.status, job.queue, job.lost_attempts, job.interruptions) == (
+        "queued",
+        "fetch",
+        0,
+        1,
+    )
+
+
 def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
     attempts.add(target=CloudInput(sha256="00" * 32, size=3))
     job = attempts.run([])
