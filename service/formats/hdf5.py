@@ -90,10 +90,15 @@ def read_pieces(
         fit = {key: item for key, item in sets.items() if item.count == count}
         lost = len(sets) - len(fit)
         warnings = (f"{lost} data sets of another length are ignored",) if lost else ()
+        column_names: list[str] = []
         for rows in iter_ranges(count, sum(item.row_bytes for item in fit.values())):
-            arrays = {key: partial(item.read, rows) for key, item in fit.items()}
             piece = cloud_of_arrays(
-                arrays, "hdf5", weights, None if axes else name, attributes=attributes
+                {key: partial(item.read, rows) for key, item in fit.items()},
+                "hdf5",
+                weights,
+                None if axes else name,
+                attributes=attributes,
+                column_names=column_names,
             )
             yield replace(piece, warnings=warnings + piece.warnings)
 

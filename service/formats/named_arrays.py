@@ -42,6 +42,7 @@ def cloud_of_arrays(
     wanted: str | None = None,
     *,
     attributes: bool = False,
+    column_names: list[str] | None = None,
 ) -> DecodedCloud:
     """Make a cloud of the array called points, xyz, ..., or the only one, and of "normals".
 
@@ -57,6 +58,8 @@ def cloud_of_arrays(
         Name of the array of points; None: by the usual names.
     attributes
         Keep all arrays with one number or a few for each point.
+    column_names
+        As `names` of `name_columns`.
 
     Raises
     ------
@@ -79,7 +82,7 @@ def cloud_of_arrays(
     known = extra_fields(array) | dict.fromkeys(sorted(set(arrays) - {name, _NORMALS}))
     if weights is not None and weights in arrays:
         known[weights] = _flat(arrays[weights]())
-    kept = all_fields(array, count) if attributes else {}
+    kept = all_fields(array, count, column_names) if attributes else {}
     used = {name, _NORMALS, weights}
     others = sorted(set(arrays) - {name, _NORMALS}) if attributes else []
     for other in others[:_MAX_ARRAYS]:
@@ -175,8 +178,13 @@ def with_attribute(
     return replace(cloud, attributes=cloud.attributes | {name: column.astype(np.float64)})
 
 
-def all_fields(array: NDArray[np.generic], count: int) -> dict[str, NDArray[np.generic]]:
-    """Return the fields, or the columns after the third, that hold one number for each point."""
+def all_fields(
+    array: NDArray[np.generic], count: int, column_names: list[str] | None = None
+) -> dict[str, NDArray[np.generic]]:
+    """Return the fields, or the columns after the third, that hold one number for each point.
+
+    `column_names` is as `names` of `name_columns`.
+    """
     if array.dtype.names:
         fields: dict[str, NDArray[np.generic]] = {}
         for name, column in extra_fields(array).items():
@@ -186,7 +194,7 @@ def all_fields(array: NDArray[np.generic], count: int) -> dict[str, NDArray[np.g
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         return {}
     table = array.T if is_transposed(array.shape) else array
-    return name_columns(table[:, 3:], 4)
+    return name_columns(table[:, 3:], 4, column_names)
 
 
 def _array_columns(

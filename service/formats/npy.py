@@ -93,18 +93,24 @@ def read_npy_pieces(
     """
     with path.open("rb") as file:
         header = _read_header(file, path.stat().st_size, "the array", limits)
-    rows = ArrayRows.of(path, header)
+    rows, names = ArrayRows.of(path, header), list[str]()
     for wanted in iter_ranges(rows.count, rows.row_bytes):
-        yield _make_cloud(rows.read(wanted), weights, attributes=attributes)
+        yield _make_cloud(rows.read(wanted), weights, attributes=attributes, names=names)
 
 
 def _make_cloud(
-    array: NDArray[np.generic], weights: str | None, *, attributes: bool
+    array: NDArray[np.generic],
+    weights: str | None,
+    *,
+    attributes: bool,
+    names: list[str] | None = None,
 ) -> DecodedCloud:
+    """Make a cloud of an array; `names` is as that of `name_columns`."""
     cloud = to_cloud(array, "npy")
     if attributes:
         told = tuple(text for text in cloud.warnings if "ignored" not in text)
-        kept = all_fields(array.reshape(-1) if array.dtype.names else array, len(cloud.points))
+        flat = array.reshape(-1) if array.dtype.names else array
+        kept = all_fields(flat, len(cloud.points), names)
         cloud = replace(cloud, warnings=told, attributes=kept)
     return cloud if weights is None else with_attribute(cloud, weights, extra_fields(array))
 

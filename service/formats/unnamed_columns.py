@@ -11,7 +11,9 @@ _UNIT_TOL = 0.01
 """Distance from length 1 up to which three columns are a normal; files round to two digits."""
 
 
-def name_columns(table: NDArray[np.generic], first: int) -> dict[str, NDArray[np.generic]]:
+def name_columns(
+    table: NDArray[np.generic], first: int, names: list[str] | None = None
+) -> dict[str, NDArray[np.generic]]:
     """Name columns by their place; three unit vectors are normals, three whole bytes colours.
 
     Parameters
@@ -20,7 +22,26 @@ def name_columns(table: NDArray[np.generic], first: int) -> dict[str, NDArray[np
         (N, K) columns after the coordinates.
     first
         Number of the first column in the file, from 1.
+    names
+        Of a file in pieces: receives the names by the first piece, which the others then have.
     """
+    if names:
+        return {name: _to_bytes(name, table[:, i]) for i, name in enumerate(names)}
+    named = _find_names(table, first)
+    if names is not None and len(table):
+        names += named
+    return named
+
+
+def _to_bytes(name: str, column: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return colours of whole bytes as such; those of a later piece may be others."""
+    if name not in _COLORS or column.dtype.kind not in "iuf":
+        return column
+    narrow = column.astype(np.float64).clip(0, 255).astype(np.uint8)
+    return narrow if (narrow == column).all() else column
+
+
+def _find_names(table: NDArray[np.generic], first: int) -> dict[str, NDArray[np.generic]]:
     named: dict[str, NDArray[np.generic]] = {}
     column = 0
     while column < table.shape[1]:

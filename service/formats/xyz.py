@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +104,8 @@ class _Text:
     """What reads unusual lines of the coordinates, and knows what was unusual."""
     offset: int
     """Byte of the first row."""
+    names: list[str] = field(default_factory=list)
+    """Names of columns without names, as the first block tells them."""
 
     @classmethod
     def open(cls, path: Path, limits: ReadLimits, weights: str | None) -> _Text:
@@ -134,7 +136,7 @@ class _Text:
         kept: dict[str, NDArray[np.generic]] = {}
         warnings: tuple[str, ...] = ()
         if attributes:
-            kept, warnings = _read_attributes(block, self.head, self.layout, limits)
+            kept, warnings = _read_attributes(block, self.head, self.layout, limits, self.names)
         if self.weights is not None:
             kept[self.weights] = table[:, -1]
         normals = table[:, 3:6] if self.layout.normals else None
@@ -159,7 +161,7 @@ class _Text:
 
 
 def _read_attributes(
-    block: TextBlock, lines: list[str], layout: TextLayout, limits: ReadLimits
+    block: TextBlock, lines: list[str], layout: TextLayout, limits: ReadLimits, names: list[str]
 ) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
     """Read the columns beside the coordinates, and warn of those that hold no numbers."""
     fields = lines[layout.first_row].strip().split(layout.delimiter)
@@ -180,9 +182,9 @@ def _read_attributes(
     if layout.others:
         return {name: _narrow(table[:, i]) for i, name in enumerate(places)}, warnings
     if layout.count is not None and table.shape[1] in (1, 4):  # PTS
-        named = {"intensity": table[:, 0]} | name_columns(table[:, 1:], 5)
+        named = {"intensity": table[:, 0]} | name_columns(table[:, 1:], 5, names)
     else:
-        named = name_columns(table, 4)
+        named = name_columns(table, 4, names)
     return {name: _narrow(column) for name, column in named.items()}, warnings
 
 

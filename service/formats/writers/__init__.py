@@ -56,7 +56,11 @@ WRITERS: dict[str, Writer] = {
         _LAS_KEPT,
         partial(las.open_pieces, is_compressed=True),
     ),
-    "e57": Writer(e57.write, "all attributes, those that E57 does not know as an extension"),
+    "e57": Writer(
+        e57.write,
+        "all attributes, those that E57 does not know as an extension",
+        e57.open_pieces,
+    ),
     "npy": Writer(NPY.write, "all attributes as they are", NPY.open),
     "xyz": Writer(_XYZ.write, "all attributes as they are", _XYZ.open),
     "csv": Writer(_CSV.write, "all attributes as they are", _CSV.open),

@@ -209,6 +209,26 @@ def test_a_large_file_is_thinned(
         np.testing.assert_array_equal(weighted.weights, whole.attributes["intensity"][thinned.rows])
 
 
+@pytest.mark.parametrize("form", ["text", "npy"])
+def test_columns_keep_the_names_of_the_first_piece(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    """Black points, or a normal that is none, at the end do not give other columns."""
+    monkeypatch.setattr(decoded_cloud, "PIECE_BYTES", 5000)
+    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 5000)
+    colors = np.random.default_rng(1).integers(0, 256, (COUNT, 3))
+    colors[COUNT // 2 :] = 0
+    colors[-1] = 300
+    table = np.column_stack([scene().points, colors])
+    np.savetxt(tmp_path / "text", table, fmt="%.3f")
+    (tmp_path / "npy").write_bytes(npy(table))
+    pieces = [p for p in read_pieces(tmp_path / form, LIMITS, attributes=True) if len(p.points)]
+    assert len(pieces) > 5
+    assert {tuple(piece.attributes) for piece in pieces} == {("red", "green", "blue")}
+    found = np.concatenate([piece.attributes["green"] for piece in pieces])
+    np.testing.assert_array_equal(found, colors[:, 1])
+
+
 def test_what_is_read_whole_says_what_may_be_larger(tmp_path: Path) -> None:
     write_cloud(tmp_path / "cloud", "obj", scene())
     with pytest.raises(FileLimitError, match="ply, pcd, las, e57"):
