@@ -25,7 +25,10 @@ from service.jobs.retention import HOLDS_BLOBS
 ROW_BYTES = 4096
 """Bytes that a row of a job, a cloud or an upload counts for, with what belongs to it: its events,
 its key, a block of the disk for its file."""
-_TEXTS = (jobs.c.source, jobs.c.target, jobs.c.options, jobs.c.labels, jobs.c.warnings)
+_TEXTS = (
+    *(jobs.c.source, jobs.c.target, jobs.c.options, jobs.c.labels),
+    *(jobs.c.warnings, jobs.c.callback_url),
+)
 """Columns whose length is the caller's choice; each counts."""
 
 
@@ -54,7 +57,8 @@ def _count_file_bytes(connection: Connection, tenant: str) -> int:
 
 
 def _count_row_bytes(connection: Connection, tenant: str) -> int:
-    length = sum((func.length(cast(column, Text)) for column in _TEXTS), start=literal(0))
+    lengths = (func.coalesce(func.length(cast(column, Text)), 0) for column in _TEXTS)
+    length = sum(lengths, start=literal(0))
     texts = connection.scalar(select(func.sum(length)).where(jobs.c.tenant == tenant))
     rows = sum(
         connection.scalar(select(func.count()).where(table.c.tenant == tenant)) or 0

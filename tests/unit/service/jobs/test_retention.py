@@ -65,4 +65,7 @@ def test_texts_of_the_caller_count(database: Database, transitions: JobTransitio
     add(transitions)
     small = count_stored_bytes(database, TENANT)
     add(transitions, labels={"part": "x" * 50_000})
-    assert count_stored_bytes(database, TENANT) > small + 50_000
+    long = count_stored_bytes(database, TENANT)
+    assert long > small + 50_000
+    add(transitions, callback_url="http://there/" + "x" * 8000)
+    assert count_stored_bytes(database, TENANT) > long + 8000
