@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 
-from sqlalchemy import Select, Table, and_, or_, select
+from sqlalchemy import Select, Table, select, tuple_
 
 Place = tuple[float, str]
 """created_at and id of a row: where a page ends."""
@@ -32,9 +32,7 @@ def select_page(table: Table, *, before: Place | None, limit: int) -> Select[Any
     query = select(table).order_by(created.desc(), key.desc()).limit(limit)
     if before is None:
         return query
-    created_at, row_id = before
-    same_time = and_(created == created_at, key < row_id)
-    return query.where(or_(created < created_at, same_time))
+    return query.where(tuple_(created, key) < before)  # as one comparison an index serves it
 
 
 RowT = TypeVar("RowT", bound=Paged)

@@ -89,6 +89,7 @@ Index("jobs_by_turn", *_OF_QUEUE, jobs.c.priority.desc(), jobs.c.created_at, job
 Index("jobs_by_status", jobs.c.tenant, jobs.c.status, jobs.c.created_at, jobs.c.id)
 # of all tenants
 Index("jobs_by_age_of_all", jobs.c.status, jobs.c.created_at)
+Index("jobs_by_deadline", jobs.c.status, jobs.c.deadline_at)
 Index("jobs_by_work", jobs.c.work_key)
 
 # when each tenant was served last, in claims of all tenants from one queue of jobs or callbacks; 0:

@@ -19,6 +19,7 @@ def upgrade() -> None:
     )
     op.create_index("jobs_by_status", "jobs", ["tenant", "status", "created_at", "id"])
     op.create_index("jobs_by_age_of_all", "jobs", ["status", "created_at"])
+    op.create_index("jobs_by_deadline", "jobs", ["status", "deadline_at"])
     op.drop_index("jobs_waiting", "jobs")
     op.execute(
         "INSERT INTO turns (tenant, queue, turn) SELECT DISTINCT jobs.tenant, jobs.queue, 0"
