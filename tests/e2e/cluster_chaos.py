@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ from tests.factories.cluster import Cluster, running_cluster
 from tests.factories.cluster_kills import Killer, Loss
 from tests.factories.logs import logged_errors, without_requests
 from tests.factories.postgres import find_programs
-from tests.factories.processes import all_of, workers
+from tests.factories.processes import all_of, suspended, workers
 from tests.factories.receiver import Receiver, receiving
 from tests.factories.scans import arms, as_npy
 from tests.factories.server import submit
@@ -152,7 +153,7 @@ class ClusterChaos:
 
     def _check_callbacks(self, ended: dict[str, dict[str, Any]]) -> None:
         """Each job has one message, which was delivered; it may have come more than once."""
-        until(lambda: set(self._statuses()) == {"delivered"})
+        until(lambda: set(self._statuses()) == {"delivered"}, within_s=300)
         messages: dict[str, set[str]] = defaultdict(set)
         for headers, body in list(self.receiver.received):
             event = json.loads(body)
@@ -166,16 +167,16 @@ class ClusterChaos:
 
     def _cut_network(self) -> str:
         """Cut a worker off until another one has done its job; return what became of its result."""
-        first, second, *others = self.cluster.workers
-        for each in (second, *others):
-            each.stop()
+        first, *others = self.cluster.workers
         cloud = as_npy(arms(self.seed + 1, CUT_POINTS))
         headers = self._auth(0)
-        answer = submit(self.cluster.apis[0].client, cloud, cloud, headers=headers)
-        job_id = answer.json()["id"]
-        until(lambda: workers(first))
-        self.cluster.network.cut()
-        second.start()
+        with ExitStack() as stack:
+            for each in others:
+                stack.enter_context(suspended(each))
+            answer = submit(self.cluster.apis[0].client, cloud, cloud, headers=headers)
+            job_id = answer.json()["id"]
+            until(lambda: workers(first))
+            self.cluster.network.cut()
         ended = self._finished(job_id, 0)
         assert (ended["status"], ended["attempt"]) == ("succeeded", 2), ended
         before = self._row(job_id)
@@ -194,7 +195,8 @@ class ClusterChaos:
         for job_id, one in self.accepted.items():
             path = f"/v1/registrations/{job_id}"
             assert client.delete(path, headers=self._auth(one.number)).status_code == 204
-        until(lambda: not [p for p in self.cluster.store.bucket.rglob("blobs/*") if p.is_file()])
+        bucket = self.cluster.store.bucket
+        until(lambda: not [path for path in bucket.rglob("*") if path.is_file()])
         for service in self.cluster.services:
             if service.is_running:
                 until(lambda: not list((service.data_dir / "scratch").iterdir()))  # noqa: B023
