@@ -1,8 +1,8 @@
 """Registration of files far larger than the memory allowed: time, memory and error.
 
-``python -m benchmarks.large [POINTS]``: a PLY of POINTS points (1e9 by default, 12 GB) against one
-of a tenth of that, moved, in 2 GiB. The files lie in the folder of temporary files (TMPDIR), and
-are removed at the end.
+``python -m benchmarks.large [POINTS [KIND ...]]``: files of POINTS points (1e9 by default, a PLY of
+12 GB) against a PLY of a tenth of that, moved, in 2 GiB. Kinds: ply, las, laz, xyz, npy, vtk. The
+files lie in the folder of temporary files (TMPDIR), and are removed at the end.
 """
 
 from __future__ import annotations
@@ -125,7 +125,32 @@ def write_text(path: Path, count: int, seed: int) -> None:
             np.savetxt(file, points, fmt="%.3f")
 
 
-WRITERS = {"ply": write_ply, "las": write_las, "laz": write_las, "xyz": write_text}
+def write_npy(path: Path, count: int, seed: int) -> None:
+    """Write a float32 array."""
+    with path.open("wb") as file:
+        layout = {"descr": "<f4", "fortran_order": False, "shape": (count, 3)}
+        np.lib.format.write_array_header_1_0(file, layout)
+        for points in iter_scene(count, seed):
+            file.write(points.tobytes())
+
+
+def write_vtk(path: Path, count: int, seed: int) -> None:
+    """Write poly data in binary."""
+    head = f"# vtk DataFile Version 3.0\n\nBINARY\nDATASET POLYDATA\nPOINTS {count} float\n"
+    with path.open("wb") as file:
+        file.write(head.encode())
+        for points in iter_scene(count, seed):
+            file.write(points.astype(">f4").tobytes())
+
+
+WRITERS = {
+    "ply": write_ply,
+    "las": write_las,
+    "laz": write_las,
+    "xyz": write_text,
+    "npy": write_npy,
+    "vtk": write_vtk,
+}
 
 
 if __name__ == "__main__":
