@@ -10,7 +10,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from service.formats import (
 from service.formats.foreign import foreign_by_name
 from service.formats.surface import read_surface
 from service.schemas import Reading
+
+if TYPE_CHECKING:
+    from mpe_core import TargetSurface
 
 _MEMORY_SHARE = 0.8
 """Share of the memory that `mpe align` may take; larger clouds are thinned while they are read."""
@@ -65,6 +68,9 @@ def add_align(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         help="add the distance of each point from the target to the file of -o, as a scalar field",
     )
     align.add_argument("--report", type=Path, metavar="FILE", help="write a report (HTML)")
+    align.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw both clouds before and after (PNG)"
+    )
     align.add_argument("--unit", help="name of the unit of the files, for the report")
     align.add_argument(
         "--tolerance",
@@ -99,6 +105,8 @@ def _align(arguments: argparse.Namespace) -> int:
     with show_progress() as on_progress:
         registration = register_files(source, target, options, on_progress)
     written = _write(arguments, output_format, registration, options, source, target)
+    if arguments.plot:
+        _draw(arguments, registration, source, target)
     if arguments.report:
         _write_report(arguments, registration, options, source, target)
     read = *source.warnings, *target.warnings, *places
@@ -121,7 +129,7 @@ def _write(
         return ()
     measure: Measure | None = None
     if arguments.distances:
-        measure = build_surface(target, options.target_viewpoint).measure
+        measure = _build_surface(target, options).measure
     told = {*source.warnings, *target.warnings}
     warnings = write_aligned(
         arguments.output,
@@ -147,7 +155,7 @@ def _write_report(
     from mpe_core import Deviation
     from service.workers.export_report import compose_report
 
-    surface = build_surface(target, options.target_viewpoint)
+    surface = _build_surface(target, options)
     moved = move_points(source.points, registration.T_target_source.tolist())
     job: dict[str, Any] = {
         "id": f"{arguments.source.name} on {arguments.target.name}",
@@ -169,6 +177,25 @@ def _write_report(
         release=version("mpe"),
     )
     arguments.report.write_text(page, encoding="utf-8")
+
+
+def _build_surface(target: DecodedCloud, options: RegistrationOptions) -> TargetSurface:
+    ignores_file = options.ignore_file_viewpoints
+    return build_surface(target, options.target_viewpoint, ignores_file=ignores_file)
+
+
+def _draw(
+    arguments: argparse.Namespace,
+    registration: Registration,
+    source: DecodedCloud,
+    target: DecodedCloud,
+) -> None:
+    """Write the picture of both clouds before and after."""
+    from service.report.pictures import draw_before_after
+
+    moved = move_points(source.points, registration.T_target_source.tolist())
+    before, fixed = source.points.astype(np.float64), target.points.astype(np.float64)
+    arguments.plot.write_bytes(draw_before_after(before, moved, fixed))
 
 
 def _describe_file(path: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from service.cli.align import add_align, run_align
 from service.cli.align_arguments import protect_negative_numbers
 from service.cli.backup import add_backup, back_up, check, restore
 from service.cli.completion import add_completion, render_completion
+from service.cli.doctor import add_doctor, run_doctor
 from service.cli.exit_codes import EXIT_ERROR, EXIT_OK, EXIT_USAGE
 from service.cli.keys import add_keys, run
 from service.cli.remote import REMOTE_COMMANDS, add_remote, run_remote
@@ -31,7 +32,7 @@ def run_command(arguments: Sequence[str]) -> int:
         "backup": _copy,
         "restore": _copy,
         "check": _copy,
-        "doctor": _doctor,
+        "doctor": run_doctor,
         "completion": _completion,
         **dict.fromkeys(REMOTE_COMMANDS, run_remote),
     }
@@ -59,9 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     add_keys(commands)
     add_backup(commands)
     add_admin(commands)
-    commands.add_parser(
-        "doctor", help="print cores, memory, parts of the sandbox, and whether workers start"
-    )
+    add_doctor(commands)
     add_remote(commands)
     add_completion(commands)
     return parser
@@ -129,28 +128,6 @@ def _administer(arguments: argparse.Namespace) -> int:
 def _completion(arguments: argparse.Namespace) -> int:
     print(render_completion(_parser(), arguments.shell))
     return EXIT_OK
-
-
-def _doctor(arguments: argparse.Namespace) -> int:
-    from service.workers.sandbox.confinement import describe_sandbox, missing_parts
-    from service.workers.start_check import find_start_failure
-
-    print(_describe_machine())
-    print(describe_sandbox())
-    failure = find_start_failure()
-    print(f"workers     {'start' if failure is None else 'do not start'}")
-    faults = [f"this system lacks {part}" for part in missing_parts()]
-    if failure is not None:
-        faults.append(f"a worker does not start: {failure}")
-    return _fail("; ".join(faults), EXIT_ERROR) if faults else EXIT_OK
-
-
-def _describe_machine() -> str:
-    from mpe_core.machine import available_cores, memory_left, memory_limit
-
-    left = memory_left()
-    text = f"cores       {available_cores()}\nmemory      {memory_limit() / 2**30:.1f} GiB"
-    return text if left is None else f"{text}, of which {left / 2**30:.1f} GiB are left"
 
 
 def _fail(message: str, code: int) -> int:

@@ -18,7 +18,9 @@ MAX_TOLERANCES = 16
 HISTOGRAM_BINS = 60
 
 
-def build_surface(target: DecodedCloud, viewpoint: Sequence[float] | None) -> TargetSurface:
+def build_surface(
+    target: DecodedCloud, viewpoint: Sequence[float] | None, *, ignores_file: bool
+) -> TargetSurface:
     """Return the surface of a target; its own normals, else the viewpoint, tell inside and outside.
 
     Parameters
@@ -27,9 +29,13 @@ def build_surface(target: DecodedCloud, viewpoint: Sequence[float] | None) -> Ta
         Read with its attributes.
     viewpoint
         Position of the scanner in its frame, where the caller has given it.
+    ignores_file
+        Whether the position that the file tells is not taken in its place.
     """
     from mpe_core import TargetSurface  # loads kernels, which the service process must not
 
+    if viewpoint is None and not ignores_file:
+        viewpoint = target.scanner_position
     return TargetSurface(target.points, target.normals, viewpoint)
 
 

@@ -34,8 +34,8 @@ class Deviation(ResponseModel):
 
     signed: bool = Field(
         description="Whether points outside of the target are positive and those inside negative: "
-        "where its file has normals, or the option target_viewpoint is given. Else all are "
-        "positive."
+        "where its file has normals or tells where the scanner stood (unless "
+        "ignore_file_viewpoints is set), or target_viewpoint is given. Else all are positive."
     )
     count: int = Field(ge=0, description="Number of points that count.")
     beyond: int = Field(

@@ -29,6 +29,8 @@ class AlignedPair:
     target: CloudInput
     target_viewpoint: list[float] | None
     """Position of the scanner in the target's frame, where the caller has given it."""
+    ignores_file_viewpoint: bool = False
+    """Whether the position that the target's file tells is not taken in its place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,9 @@ class PairTask(FileTask):
     def _build_surface(self, target: DecodedCloud | None = None) -> TargetSurface:
         """Return the surface of the target, which is read unless it is given."""
         cloud = self._read(self.pair.target) if target is None else target
-        return build_surface(cloud, self.pair.target_viewpoint)
+        return build_surface(
+            cloud, self.pair.target_viewpoint, ignores_file=self.pair.ignores_file_viewpoint
+        )
 
     def _measure(self, source: DecodedCloud, surface: TargetSurface) -> Deviation:
         """Measure the distances of all points of the source."""

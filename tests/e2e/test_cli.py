@@ -193,4 +193,6 @@ def test_serve_answers_and_stops(tmp_path: Path) -> None:
 def test_doctor_says_whether_workers_start() -> None:
     done = mpe("doctor")
     assert "workers     start" in done.stdout
-    assert done.returncode == (1 if "missing" in done.stdout else 0), done.stderr
+    for name in ("libraries", "cores", "memory", "disk", "clock", "kernels", "settings"):
+        assert f"\n{name}" in f"\n{done.stdout}"
+    assert done.returncode == (1 if "  missing" in done.stdout else 0), done.stderr

@@ -131,6 +131,13 @@ def test_the_pose_in_other_forms_and_files(
         with page.expect_download() as saved:
             page.get_by_role("button", name="Report").click()
         assert "<html" in Path(saved.value.path()).read_text()
+        page.fill("#unit", "mm")
+        page.locator("#unit").blur()
+        expect(page.locator(".numbers").first).to_contain_text(" mm")
+        expect(page.locator(".verdict")).to_contain_text(" mm")
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="Report").click()
+        assert " mm" in Path(saved.value.path()).read_text()
 
 
 def test_georeferenced_clouds_are_drawn_as_exactly_as_others(
@@ -153,6 +160,18 @@ def test_a_bad_file_is_named(browser: Browser, server: Server, key: str, tmp_pat
         choose_files(page, tmp_path, b"1 2 3\n4 5 6\n", PAIR[1], "xyz")
         align(page)
         expect(page.locator(".card .face.problem")).to_contain_text("points")
+
+
+def test_a_link_may_be_dropped(browser: Browser, server: Server, key: str) -> None:
+    with opened(browser, server, key=key) as page:
+        page.locator("label.zone.target").evaluate(
+            """zone => {
+                const dataTransfer = new DataTransfer();
+                dataTransfer.setData("text/uri-list", "https://example.org/scan.ply");
+                zone.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+            }"""
+        )
+        expect(page.locator("#target-text")).to_have_value("https://example.org/scan.ply")
 
 
 def test_options_are_sent_and_a_running_registration_is_cancelled(

@@ -20,7 +20,7 @@ export function makeCloudField(
 ): { element: HTMLElement; read: () => CloudValue | null; setFile: (file: File) => void } {
   let [kind, file]: [Kind, File | null] = ["file", null];
   const picker = h("input", { type: "file", id: `${role}-file`, className: "hidden-file" });
-  const chosen = h("span", { className: "chosen", id: `${role}-chosen` }, "Drop a file here, or pick one");
+  const chosen = h("span", { className: "chosen", id: `${role}-chosen` }, "Drop a file or a link here, or pick a file");
   const zone = h("label", { className: `zone ${role}`, htmlFor: `${role}-file` }, picker, h("strong", {}, title), chosen);
   const text = h("input", { type: "text", id: `${role}-text`, autocomplete: "off", spellcheck: false, oninput: onChange });
   const textLabel = h("label", { htmlFor: `${role}-text` });
@@ -45,7 +45,9 @@ export function makeCloudField(
     event.preventDefault();
     event.stopPropagation();
     const dropped = event.dataTransfer?.files[0];
+    const address = event.dataTransfer?.getData("text/uri-list").split("\n").find((line) => !line.startsWith("#"));
     if (dropped) setFile(dropped);
+    else if (address) setAddress(address.trim());
   });
   const choice = h(
     "select",
@@ -61,6 +63,11 @@ export function makeCloudField(
     textLabel.textContent = kind === "url" ? "http(s) or s3 address" : "Id of the stored cloud";
     onChange();
   });
+  const setAddress = (address: string): void => {
+    choice.value = "url";
+    text.value = address;
+    choice.dispatchEvent(new Event("change"));
+  };
   const element = h(
     "div",
     { className: "cloud-field" },

@@ -3,6 +3,7 @@ import { download, getKey, REGISTRATIONS, type Job } from "./api";
 import { copyable, h } from "./dom";
 import { isDefault } from "./options";
 import { showProblem } from "./faces";
+import { unitQuery } from "./unit";
 
 export const FORMATS = ["ply", "pcd", "las", "laz", "e57", "npy", "xyz", "csv", "obj", "stl", "glb"];
 
@@ -45,7 +46,7 @@ export function makeDownloads(job: Job): HTMLElement {
     h(
       "div",
       { className: "row" },
-      save("Report (HTML)", () => [`${path}/report`, `report-${job.id.slice(0, 8)}.html`]),
+      save("Report (HTML)", () => [`${path}/report${unitQuery()}`, `report-${job.id.slice(0, 8)}.html`]),
       save("Picture (PNG)", () => [`${path}/preview.png`, `registration-${job.id.slice(0, 8)}.png`]),
       save("Result (JSON)", () => [path, `registration-${job.id.slice(0, 8)}.json`]),
       save("Statistics of distances (JSON)", () => [`${path}/deviation`, `deviation-${job.id.slice(0, 8)}.json`]),

@@ -7,17 +7,18 @@ import { makeHistogram } from "./histogram";
 import { makeTitle } from "./job_page";
 import { listDeviations, listPoseForms, short } from "./pose";
 import { fetchPreview } from "./preview";
+import { makeUnitField, takeUnit, unitName } from "./unit";
 import { judge, percent, type Verdict } from "./verdict";
 import { makeControls } from "./view_controls";
 import { Viewer } from "./viewer";
 
-export const UNIT = "units";
 const MAX_POINTS = 200_000;
 const ICONS = { trust: "✓", check: "!", refuse: "✕" };
 
 /** Show the result in the place; the view ends when `signal` is aborted. */
 export async function showResult(place: HTMLElement, job: Job, result: Result, signal: AbortSignal): Promise<void> {
-  const verdict = judge(result, UNIT);
+  takeUnit(job);
+  const verdict = judge(result, unitName());
   const view = h("section", { className: "view", "aria-label": "3-D view" }, showLoading("Loading the clouds"));
   const distances = h("section", { className: "card", hidden: true });
   place.replaceChildren(
@@ -25,7 +26,7 @@ export async function showResult(place: HTMLElement, job: Job, result: Result, s
       "div",
       { className: "result" },
       makeTitle(job),
-      h("div", { className: "side" }, makeVerdict(verdict), makeNumbers(job, result), distances, makeOptionsCard(job)),
+      h("div", { className: "side" }, makeVerdict(verdict), makeNumbers(job, result, () => void showResult(place, job, result, signal)), distances, makeOptionsCard(job)),
       h("div", { className: "main-column" }, view, h("div", { className: "more" }, makePoseCard(result), makeDownloads(job))),
     ),
   );
@@ -55,7 +56,7 @@ async function showClouds(
     viewer.showFreeDirections(result.free_directions);
     if (source.distances) {
       distances.hidden = false;
-      distances.replaceChildren(...makeHistogram(source.distances, result.inliers.threshold, UNIT));
+      distances.replaceChildren(...makeHistogram(source.distances, result.inliers.threshold, unitName()));
     }
     viewer.animateTo(1);
   } catch (error) {
@@ -79,17 +80,17 @@ function makeVerdict(verdict: Verdict): HTMLElement {
   );
 }
 
-function makeNumbers(job: Job, result: Result): HTMLElement {
+function makeNumbers(job: Job, result: Result, onUnit: () => void): HTMLElement {
   const { rotationDeg, translation } = listDeviations(result);
   const rows: [string, string][] = [
     ["Overlap", percent(result.overlap)],
-    ["Distance (rms)", `${short(result.rmse)} ${UNIT}`],
-    ["Inliers", `${result.inliers.count.toLocaleString("en")} within ${short(result.inliers.threshold)} ${UNIT}`],
+    ["Distance (rms)", `${short(result.rmse)} ${unitName()}`],
+    ["Inliers", `${result.inliers.count.toLocaleString("en")} within ${short(result.inliers.threshold)} ${unitName()}`],
     ["Turn", `${short(result.rotation.angle_deg)}°`],
-    ["Shift", `${result.translation.map(short).join(", ")} ${UNIT}`],
+    ["Shift", `${result.translation.map(short).join(", ")} ${unitName()}`],
     ...(result.scale === 1 ? [] : ([["Scale", short(result.scale)]] as [string, string][])),
     ["σ of the turn x, y, z", `${rotationDeg.map(short).join(", ")} °`],
-    ["σ of the shift x, y, z", `${translation.map(short).join(", ")} ${UNIT}`],
+    ["σ of the shift x, y, z", `${translation.map(short).join(", ")} ${unitName()}`],
     ["Time", job.cached ? "known from before" : `${short(job.timing.total_s ?? 0)} s`],
   ];
   return h(
@@ -97,7 +98,8 @@ function makeNumbers(job: Job, result: Result): HTMLElement {
     { className: "card" },
     h("h2", {}, "Numbers"),
     h("dl", { className: "numbers" }, ...rows.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])),
-    h("p", { className: "help" }, "Lengths are in the unit of the files. σ: standard deviation, about and along the target's axes."),
+    makeUnitField(job, onUnit),
+    h("p", { className: "help" }, "Lengths are in the unit of the files, which names them alone: nothing is converted. σ: standard deviation, about and along the target's axes."),
   );
 }
 

@@ -4,9 +4,9 @@ import { areSigned, chooseRange, drawRamp, type ColorMode } from "./colors";
 import { h } from "./dom";
 import { short } from "./pose";
 import type { Preview } from "./preview";
+import { unitName } from "./unit";
 import type { Pick, View, Viewer } from "./viewer";
 
-const UNIT = "units";
 const VIEWS: readonly [View, string][] = [["home", "Reset"], ["top", "Top"], ["front", "Front"], ["side", "Side"]];
 
 type Previews = { source: Preview; target: Preview };
@@ -64,7 +64,7 @@ function makeColors(
   const isSigned = previews.source.distances !== null && areSigned(previews.source.distances);
   const low = h("span", {}, "0");
   const scale = h("div", { className: "bar legend scale", hidden: true }, low, ramp,
-    h("label", { htmlFor: "range" }, "to"), range, h("span", {}, `${UNIT} and more`));
+    h("label", { htmlFor: "range" }, "to"), range, h("span", {}, `${unitName()} and more`));
   const names = h("div", { className: "bar legend" }, h("span", { className: "dot source" }), "Source", h("span", { className: "dot target" }), "Target");
   const show = (): void => {
     const mode = select.value as ColorMode;
@@ -107,7 +107,7 @@ function makePicked(viewer: Viewer): HTMLElement {
     h("span", { className: `dot ${pick.cloud}` }),
     h("span", {}, `${pick.cloud}: ${pick.inFile.map(exact).join(", ")}`),
     ...(pick.cloud === "source" ? [h("span", {}, `in the target's frame: ${pick.inTarget.map(exact).join(", ")}`)] : []),
-    ...(pick.distance === null ? [] : [h("span", {}, `distance from the surface when aligned: ${short(pick.distance)} ${UNIT}`)]),
+    ...(pick.distance === null ? [] : [h("span", {}, `distance from the surface when aligned: ${short(pick.distance)} ${unitName()}`)]),
   ];
   viewer.onPick = (pick) => place.replaceChildren(...(pick ? show(pick) : [h("p", { className: "help" }, "No point there.")]));
   return place;
@@ -158,7 +158,7 @@ function makeDrawing(viewer: Viewer, previews: Previews, result: Result): HTMLEl
 function makeNotes(viewer: Viewer, { source, target }: Previews): HTMLElement {
   const thinned = [source, target].filter(({ count, total }) => count < total);
   const notes = [
-    viewer.movedBy > 0 && `Before: the clouds lie far apart in their files; the source is drawn ${short(viewer.movedBy)} ${UNIT} nearer.`,
+    viewer.movedBy > 0 && `Before: the clouds lie far apart in their files; the source is drawn ${short(viewer.movedBy)} ${unitName()} nearer.`,
     thinned.length > 0 && `Drawn: ${source.count.toLocaleString("en")} of ${source.total.toLocaleString("en")} points of the source, ${target.count.toLocaleString("en")} of ${target.total.toLocaleString("en")} of the target.`,
   ].filter(Boolean);
   return h("div", { className: "notes" }, ...notes.map((text) => h("p", { className: "help" }, text || "")));

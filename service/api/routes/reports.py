@@ -26,14 +26,15 @@ from service.workers.exporter import ExportedFile
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
+MAX_UNIT_LENGTH = 16
 HTML, PNG = "text/html; charset=utf-8", "image/png"
 Unit = Annotated[
     str | None,
     Query(
-        max_length=16,
+        max_length=MAX_UNIT_LENGTH,
         pattern=r"^[^\x00-\x1f]*$",
         description="Name of the unit of the files, such as mm, which is written behind lengths; "
-        "no number is converted.",
+        "no number is converted. Default: the label `unit` of the registration.",
     ),
 ]
 
@@ -89,12 +90,13 @@ def _prepare_report(
     job: JobRow, runtime: Runtime, tolerances: list[float], unit: str | None
 ) -> AbstractContextManager[ExportedFile]:
     pair, result = require_pair(job, runtime)
+    named = unit or job.labels.get("unit", "")[:MAX_UNIT_LENGTH]
     summary = summarize_job(job).model_dump(mode="json")
     result["inliers"]["pairs"] = None  # not told in a report, and long
     return runtime.exporter.export(
         job,
         lambda environment: ExportReport(
-            environment, pair, summary, result, tolerances, unit or None, version("mpe")
+            environment, pair, summary, result, tolerances, named or None, version("mpe")
         ),
     )
 
