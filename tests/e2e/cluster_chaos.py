@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import statistics
 import tempfile
@@ -196,7 +197,7 @@ class ClusterChaos:
             path = f"/v1/registrations/{job_id}"
             assert client.delete(path, headers=self._auth(one.number)).status_code == 204
         bucket = self.cluster.store.bucket
-        until(lambda: not [path for path in bucket.rglob("*") if path.is_file()])
+        until(lambda: not any(files for _, _, files in os.walk(bucket)))  # folders vanish meanwhile
         for service in self.cluster.services:
             if service.is_running:
                 until(lambda: not list((service.data_dir / "scratch").iterdir()))  # noqa: B023
