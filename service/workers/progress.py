@@ -30,15 +30,16 @@ class ProgressReport:
     def __init__(self, send: Callable[[Progress], None]) -> None:
         self.timing: dict[str, float] = {}
         self._send = send
-        self._last_stage = ""
+        self._last = Progress("", 0.0)
         self._last_time = 0.0
 
     def send(self, stage: str, fraction: float) -> None:
-        """Send the fraction of the task at each change of stage, else every PROGRESS_INTERVAL_S."""
-        now = time.monotonic()
-        if stage != self._last_stage or now - self._last_time >= PROGRESS_INTERVAL_S:
-            self._last_stage, self._last_time = stage, now
-            self._send(Progress(stage, min(1.0, max(0.0, fraction))))
+        """Send what is new: each change of stage, and every PROGRESS_INTERVAL_S the fraction."""
+        now, new = time.monotonic(), Progress(stage, min(1.0, max(0.0, fraction)))
+        is_due = stage != self._last.stage or now - self._last_time >= PROGRESS_INTERVAL_S
+        if is_due and new != self._last:
+            self._last, self._last_time = new, now
+            self._send(new)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

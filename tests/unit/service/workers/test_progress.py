@@ -19,6 +19,15 @@ def test_a_change_of_stage_is_sent_at_once_and_the_rest_seldom() -> None:
     assert sent == [Progress("decode", 0.1), Progress("search", 0.1)]
 
 
+def test_nothing_is_sent_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.workers.progress.PROGRESS_INTERVAL_S", 0.0)
+    sent: list[Progress] = []
+    report = ProgressReport(sent.append)
+    for fraction in (0.1, 0.1, 0.2, 0.2):
+        report.send("search", fraction)
+    assert sent == [Progress("search", 0.1), Progress("search", 0.2)]
+
+
 def test_the_fraction_stays_within_bounds() -> None:
     sent: list[Progress] = []
     report = ProgressReport(sent.append)
