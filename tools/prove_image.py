@@ -23,7 +23,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from tools.chroots import PATH, bare_debian, in_chroot, require, run
 
@@ -144,8 +144,10 @@ def _copy(stage: Stage, words: list[str], stages: dict[str, Stage]) -> None:
 def in_context(source: str) -> bool:
     """Return whether .dockerignore lets the file into the build's context."""
     kept = True
+    places = [source, *map(str, PurePosixPath(source).parents)]
     for line in (PROJECT / ".dockerignore").read_text().splitlines():
-        if line and not line.startswith("#") and fnmatch(source, line.lstrip("!")):
+        rule = line.lstrip("!")
+        if line and not line.startswith("#") and any(fnmatch(place, rule) for place in places):
             kept = line.startswith("!")
     return kept
 

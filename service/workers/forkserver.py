@@ -12,7 +12,7 @@ import pye57  # noqa: F401
 import trimesh  # noqa: F401
 
 from mpe_core import deviation, register  # noqa: F401
-from mpe_core.kernels import cell_filter, decimal_rows  # noqa: F401
+from mpe_core.kernels import cell_filter, decimal_rows, lzf  # noqa: F401
 from service.schemas import deviation as deviation_schema  # noqa: F401
 from service.schemas import serialize_result  # noqa: F401
 from service.telemetry.json_logs import configure_logs

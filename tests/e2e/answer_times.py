@@ -48,7 +48,7 @@ def measured(port: int) -> Iterator[tuple[Calls, Calls]]:
         reader.join()
         probe.wait()
         bare.kill()
-        bare.wait()
+        bare.communicate()
 
 
 def percentiles_ms(calls: Calls) -> tuple[float, float]:

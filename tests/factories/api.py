@@ -41,6 +41,9 @@ class IdleWorkers:
     def stop(self, grace_s: float = 0.0) -> None:
         self.is_stopping = self.is_stopped = True
 
+    def leave(self) -> None:
+        """Have nothing to leave."""
+
     def notify(self, queue: JobQueue) -> None:
         """Wake nobody."""
 

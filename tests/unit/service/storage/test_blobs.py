@@ -26,6 +26,7 @@ def collect(store: BlobStore, clock: Clock, *needed: Blob, after_s: float) -> No
     clock.wait(after_s)
     names = {blob.sha256 for blob in needed}
     store.collect(lambda: names, now=clock.now, grace_s=GRACE_S)
+    store.collect_shared(lambda: names, grace_s=GRACE_S)
 
 
 def test_blob_is_named_by_its_content(store: BlobStore) -> None:
