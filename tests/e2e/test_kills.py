@@ -149,8 +149,9 @@ def test_timeout_in_native_code(tmp_path: Path) -> None:
 
 
 def test_a_cloud_that_the_memory_does_not_hold_is_refused(tmp_path: Path) -> None:
-    with running_server(tmp_path, job_memory_bytes=700 * 2**20) as server:
-        cloud = as_npy(arms(5, 8_000_000))
+    rows = "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in arms(5, 800_000).tolist())
+    cloud = f"OFF\n800000 0 0\n{rows}".encode()
+    with running_server(tmp_path, job_memory_bytes=2**30) as server:
         job = finished(server.client, server.submit(cloud, cloud).json()["id"])
         assert job["status"] == "failed", job
         assert job["error"]["type"] == "urn:mpe:problem:unreadable-cloud"
