@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import AsyncIterator
 from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from service.auth.authenticator import Caller
 from service.jobs.model import JobRow
 from service.problems import ExpiredError, ResultNotReadyError
 from service.runtime import Runtime
+from service.schemas.serialize_result import read_summary
 from service.workers.aligned_pair import AlignedPair
 from service.workers.exporter import MAX_RUNNING, ExportedFile
 
@@ -43,7 +43,7 @@ def require_blobs(runtime: Runtime, *hashes: str | None) -> list[Path]:
 
 
 def require_pair(job: JobRow, runtime: Runtime) -> tuple[AlignedPair, dict[str, Any]]:
-    """Return what tasks need of a registration, and its result.
+    """Return what tasks need of a registration, and its result without the inlier pairs.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def require_pair(job: JobRow, runtime: Runtime) -> tuple[AlignedPair, dict[str, 
             f"The registration is {job.status}; only a result can be applied."
         )
     path, *_ = require_blobs(runtime, job.result_sha256, job.source.sha256, job.target.sha256)
-    result: dict[str, Any] = json.loads(path.read_bytes())
+    result = read_summary(path.read_bytes())
     viewpoint = job.options.get("target_viewpoint")
     pair = AlignedPair(
         result["transform"],

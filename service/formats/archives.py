@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import gzip
-import shutil
 import tempfile
 import zipfile
 import zlib
@@ -14,6 +12,7 @@ from pathlib import Path
 from typing import IO
 
 from service.formats.decoded_cloud import ReadLimits
+from service.formats.disk import check_disk
 from service.formats.errors import (
     CloudFileError,
     FileLimitError,
@@ -134,6 +133,5 @@ def _expand(
                 raise FileLimitError(
                     f"the archive expands to more than {allowed} bytes; send the file uncompressed"
                 )
-            if shutil.disk_usage(target.parent).free - len(block) < limits.min_free_disk_bytes:
-                raise OSError(errno.ENOSPC, "too little of the disk would be left")
+            check_disk(target.parent, len(block), limits)
             file.write(block)

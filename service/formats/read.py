@@ -218,7 +218,7 @@ def _read_text_or_bytes(
     if format is not None and _by_name(format).sniff is None:
         yield from _read(_by_name(format), path, limits, choices)
         return
-    with rewrite_text(path) as (plain, warnings):
+    with rewrite_text(path, limits) as (plain, warnings):
         chosen = _choose(plain, format, choices["columns"])
         yield from _add_warnings(_read(chosen, plain, limits, choices), warnings)
 
@@ -264,7 +264,7 @@ def _read_archive(path: Path, limits: ReadLimits, choices: ReadChoices) -> Itera
     with expand_archive(path, limits) as inner:
         if inner.stat().st_size == 0:
             raise TruncatedFileError("the file in the archive is empty")
-        with rewrite_text(inner) as (plain, warnings):
+        with rewrite_text(inner, limits) as (plain, warnings):
             inside = _detect(plain)
             if inside.read is None or inside.is_archive(plain):
                 raise UnsupportedFileError(

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from service.formats.decoded_cloud import ReadLimits
+from service.formats.disk import check_disk
+
 _MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _UTF8_MARK = b"\xef\xbb\xbf"
 _TYPESET = {"\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2212": "-"}
@@ -15,6 +18,8 @@ _BLOCK_CHARACTERS = 1 << 20
 _MIN_SHARE = 0.9
 """Share of zero bytes at every other place from which on text without a mark is UTF-16."""
 _HEAD_BYTES = 4096
+_MAX_GROWTH = 2
+"""Bytes of the text as it is written, at most, for one byte of the file."""
 
 
 def to_plain_head(head: bytes) -> bytes:
@@ -30,8 +35,14 @@ def to_plain_head(head: bytes) -> bytes:
 
 
 @contextmanager
-def rewrite_text(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """Provide the text in UTF-8 with line ends of LF, and warnings of what was rewritten."""
+def rewrite_text(path: Path, limits: ReadLimits) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """Provide the text in UTF-8 with line ends of LF, and warnings of what was rewritten.
+
+    Raises
+    ------
+    OSError
+        With ENOSPC: too little of the disk would be left.
+    """
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     if to_plain_head(head) == head:
@@ -41,6 +52,7 @@ def rewrite_text(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     warnings = (f"the text is in {encoding.upper()}",) if encoding else ()
     with tempfile.TemporaryDirectory(prefix="text-") as folder:
         plain = Path(folder) / "text"
+        check_disk(plain.parent, _MAX_GROWTH * path.stat().st_size, limits)
         is_utf8 = head.startswith(_UTF8_MARK) or _is_typeset(head)
         _rewrite(path, plain, encoding or ("utf-8-sig" if is_utf8 else None))
         yield plain, warnings

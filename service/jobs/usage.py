@@ -19,12 +19,12 @@ from sqlalchemy import (
 )
 
 from service.database.engine import Database
-from service.database.tables import clouds, jobs, uploads
+from service.database.tables import clouds, deliveries, jobs, uploads
 from service.jobs.retention import HOLDS_BLOBS
 
 ROW_BYTES = 4096
-"""Bytes that a row of a job, a cloud or an upload counts for, with what belongs to it: its events,
-its key, a block of the disk for its file."""
+"""Bytes that a row of a job, a cloud, an upload or a callback counts for, with what belongs to it:
+its events, its key, a block of the disk for its file."""
 _TEXTS = (
     *(jobs.c.source, jobs.c.target, jobs.c.options, jobs.c.labels),
     *(jobs.c.warnings, jobs.c.callback_url),
@@ -62,7 +62,7 @@ def _count_row_bytes(connection: Connection, tenant: str) -> int:
     texts = connection.scalar(select(func.sum(length)).where(jobs.c.tenant == tenant))
     rows = sum(
         connection.scalar(select(func.count()).where(table.c.tenant == tenant)) or 0
-        for table in (jobs, clouds, uploads)
+        for table in (jobs, clouds, uploads, deliveries)
     )
     return int(texts or 0) + ROW_BYTES * rows
 

@@ -15,6 +15,8 @@ from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, Resu
 INLIER_DTYPE = np.dtype([("source", "<i8"), ("target", "<i8"), ("distance", "<f8")])
 """Row of the inliers' .npy file."""
 
+_PAIRS, _PAIRS_END = b'"pairs":[[', b"]]"
+
 ROWS_PER_CHUNK = 4000
 """Inlier rows rendered at once: meanwhile no other thread of the process runs."""
 
@@ -56,6 +58,19 @@ def render_result(found: Registration, file_warnings: Sequence[str] = ()) -> byt
         .model_dump_json()
         .encode()
     )
+
+
+def read_summary(document: bytes) -> dict[str, Any]:
+    """Parse what `render_result` has rendered, without its inlier pairs.
+
+    Up to MAX_INLINE_PAIRS are nearly all of the text, and no other thread runs while it is parsed.
+    """
+    start = document.find(_PAIRS)  # within a string its quotes would be escaped
+    if start >= 0:
+        end = document.index(_PAIRS_END, start) + len(_PAIRS_END)
+        document = document[:start] + b'"pairs":null' + document[end:]
+    summary: dict[str, Any] = json.loads(document)
+    return summary
 
 
 def inlier_array(inliers: Inliers) -> NDArray[np.void]:

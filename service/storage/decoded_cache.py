@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from service.formats.decoded_cloud import DecodedCloud
+from service.formats.decoded_cloud import DecodedCloud, ReadLimits
+from service.formats.disk import leaves_room
 from service.formats.las_metadata import LasRecord
 from service.storage.plain_file import is_plain_file
 
@@ -26,7 +27,7 @@ def decoded_path(data_dir: Path, tenant: str, sha256: str) -> Path:
 
 
 def load_or_decode(
-    entry: Path, decode: Callable[[], DecodedCloud], scratch: Path, max_points: int
+    entry: Path, decode: Callable[[], DecodedCloud], scratch: Path, limits: ReadLimits
 ) -> DecodedCloud:
     """Return the cached cloud, or decode it and leave a new entry in the scratch folder.
 
@@ -39,14 +40,14 @@ def load_or_decode(
         viewpoint and coordinate system are kept.
     scratch : Path
         Folder for the new entry, which has the same file name; see `DecodedCache.adopt`.
-    max_points : int
-        Points that the memory holds; an entry that was made under another limit is not used if it
-        has more, or was thinned.
+    limits : ReadLimits
+        Points that the memory holds: an entry that was made under another limit is not used if it
+        has more, or was thinned. No entry is made that leaves too little of the disk.
     """
     with suppress(*_MISS), np.load(entry, allow_pickle=False) as arrays:
         header = json.loads(str(arrays["header"]))
-        fits = header["count"] <= max_points
-        if fits if "rows" not in arrays else header["max_points"] == max_points:
+        fits = header["count"] <= limits.max_points
+        if fits if "rows" not in arrays else header["max_points"] == limits.max_points:
             return DecodedCloud(
                 arrays["points"],
                 header["format"],
@@ -66,13 +67,14 @@ def load_or_decode(
     cloud = decode()
     records = [(r.user_id, r.record_id, r.description, r.data.hex()) for r in cloud.crs]
     header = {"format": cloud.format, "warnings": cloud.warnings, "crs": records}
-    header |= {"count": len(cloud.points), "max_points": max_points}
+    header |= {"count": len(cloud.points), "max_points": limits.max_points}
     header |= {"viewpoint": cloud.viewpoint}
     columns: dict[str, Any] = {"points": cloud.points}
     columns |= {} if cloud.rows is None else {"rows": cloud.rows}
     columns |= {_BRIGHTNESS + kind: values for kind, values in cloud.brightness.items()}
-    with (scratch / entry.name).open("wb") as file:
-        np.savez(file, header=np.array(json.dumps(header)), **columns)
+    if leaves_room(scratch, sum(values.nbytes for values in columns.values()), limits):
+        with (scratch / entry.name).open("wb") as file:
+            np.savez(file, header=np.array(json.dumps(header)), **columns)
     return cloud
 
 

@@ -44,8 +44,20 @@ _is_stopped = threading.Event()
 _starter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="starter")
 
 
+OUT_OF_MEMORY = (
+    "The machine or its container ran out of memory, and the kernel ended the process: send"
+    " smaller clouds, or give the service more memory or fewer workers (MPE_WORKERS)."
+)
+_KILLED = f"its process was ended by {signal.SIGKILL.name}"
+
+
 class ChildLostError(Exception):
     """The child ended or sent nonsense before it gave its answer; the text says which."""
+
+    @property
+    def is_killed(self) -> bool:
+        """Whether the process was killed, as the kernel does where memory is short."""
+        return str(self) == _KILLED
 
 
 class NoProcessError(ChildLostError):
@@ -213,7 +225,8 @@ class Child:
                     break
                 except (OSError, EOFError) as error:
                     if not tries_left or _is_stopped.is_set():
-                        reason = f"a process could not be started: {error!r}"
+                        said = getattr(error, "strerror", None) or type(error).__name__
+                        reason = f"a process could not be started: {said}"
                         raise NoProcessError(reason) from error
                     time.sleep(START_PAUSE_S)
         _forkservers_that_answered.add(_forkserver_pid())

@@ -10,10 +10,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from mpe_core.machine import count_oom_kills
 from service.jobs.model import JobRow
 from service.problems import (
     TYPE_PREFIX,
     ExpiredError,
+    JobMemoryError,
     JobTimeoutError,
     NotReadyError,
     OverloadedError,
@@ -27,7 +29,7 @@ from service.storage.disk_space import DiskSpace
 from service.storage.plain_file import is_plain_file
 from service.storage.scratch import scratch_folder
 from service.telemetry.json_logs import job_context
-from service.workers.child import Child, ChildLostError
+from service.workers.child import OUT_OF_MEMORY, Child, ChildLostError, NoProcessError
 from service.workers.messages import Answer, Exported, Failed, Problem
 from service.workers.task import FileTask, TaskEnvironment
 
@@ -95,7 +97,9 @@ class Exporter:
         OverloadedError
             Too many exports are waiting, or the file leaves too little of the disk.
         NotReadyError
-            The service is stopping.
+            The service is stopping, or can start no process.
+        JobMemoryError
+            The machine ran out of memory.
         ExportError, WorkerLostError
             The child process failed or was lost.
         ExpiredError
@@ -150,12 +154,17 @@ class Exporter:
 
     def _perform(self, task: FileTask) -> list[str]:
         """Let a child write the file; return its warnings."""
+        oom_kills = count_oom_kills()
         try:
             with self._child() as child:
                 answer = _await_answer(child, task, self._settings.job_timeout_s, self._disk)
         except ChildLostError as lost:
             if self._is_stopping:
                 raise NotReadyError("The service is stopping; retry later.") from lost
+            if isinstance(lost, NoProcessError):
+                raise NotReadyError(f"The file was not written: {lost}. Retry later.") from lost
+            if lost.is_killed and count_oom_kills() > oom_kills:
+                raise JobMemoryError(OUT_OF_MEMORY) from lost
             raise WorkerLostError(f"The file could not be written: {lost}.") from lost
         if isinstance(answer, Failed):
             raise ExportError(answer.problem)

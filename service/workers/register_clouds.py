@@ -100,7 +100,7 @@ class RegisterClouds(Task):
                     self._entry(cloud),
                     lambda: read_surface(path, limits),
                     scratch,
-                    limits.max_points,
+                    limits,
                 )
             else:
                 decoded = read_surface(path, limits, **cloud.reading)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
-import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -35,9 +34,9 @@ from service.settings import Settings
 from service.storage.blobs import Blob, BlobStore
 from service.storage.decoded_cache import DecodedCache
 from service.storage.disk_space import DiskSpace
-from service.storage.scratch import scratch_folder
+from service.storage.scratch import count_bytes, scratch_folder
 from service.workers.attempt_limits import AttemptLimits
-from service.workers.child import Child, ChildLostError, NoProcessError
+from service.workers.child import OUT_OF_MEMORY, Child, ChildLostError, NoProcessError
 from service.workers.child_files import store_fetched, store_result
 from service.workers.fetch_inputs import FetchInputs, aws_variables, is_fetched_once
 from service.workers.lease import HEARTBEAT_SHARE, kept_lease
@@ -64,14 +63,11 @@ FREE_PROGRESS, PROGRESS_PER_S = 100, 10
 """Messages of progress that are recorded at once, and further ones for each second; a child sends
 half as many."""
 
+SMALL_SCRATCH_BYTES = 1 << 20
+"""Bytes that an attempt may have written where the disk is short: it is not what fills it."""
+
 DISK_FULL = TYPE_PREFIX + DiskFullError.problem.slug
 """Type of the problem that a child answers when it cannot write."""
-
-OUT_OF_MEMORY = (
-    "The machine or its container ran out of memory, and the kernel ended the registration: send"
-    " smaller clouds, or give the service more memory or fewer workers (MPE_WORKERS)."
-)
-SIGKILL_NAME = signal.Signals.SIGKILL.name
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -110,7 +106,7 @@ class AttemptSupervisor:
                 log.warning("attempt %d was interrupted: %s", job.attempt, reason)
             except ChildLostError as lost:
                 reason = str(lost)
-                if SIGKILL_NAME in reason and count_oom_kills() > oom_kills:
+                if lost.is_killed and count_oom_kills() > oom_kills:
                     document = error_document(JobMemoryError(OUT_OF_MEMORY))
                     _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
                 elif _retry_while_unavailable(
@@ -172,7 +168,7 @@ class AttemptSupervisor:
         try:
             self.started(job, child)
             child.send_task(task)
-            answer = self._await_answer(job, child, limits)
+            answer = self._await_answer(job, child, limits, task.environment.scratch)
         finally:
             child.kill()
             if answer is None or task.uses_network:  # what it fetched is moved, not copied
@@ -181,7 +177,9 @@ class AttemptSupervisor:
                 self.spare.close_later(child)
         return answer
 
-    def _await_answer(self, job: JobRow, child: Child, limits: AttemptLimits) -> Answer | None:
+    def _await_answer(
+        self, job: JobRow, child: Child, limits: AttemptLimits, scratch: Path
+    ) -> Answer | None:
         """Record the child's progress and extend the lease until it answers.
 
         Returns
@@ -194,7 +192,7 @@ class AttemptSupervisor:
         JobTimeoutError, DeadlineError
             The time is over.
         OSError
-            What is fetched leaves too little of the disk (ENOSPC).
+            What the child writes leaves too little of the disk (ENOSPC).
         ChildLostError
             The child ended or sent nonsense.
         """
@@ -216,7 +214,7 @@ class AttemptSupervisor:
                     is_current = self.transitions.extend_lease(job, lease_s=lease_s)
                     next_heartbeat = time.monotonic() + HEARTBEAT_SHARE * lease_s
                 is_current = is_current and self._is_current_attempt(job, message)
-            if job.queue == "fetch" and disk.is_short:
+            if disk.is_short and count_bytes(scratch) > SMALL_SCRATCH_BYTES:
                 raise OSError(errno.ENOSPC, "too little of the disk would be left")
             if message is not None and job.queue == "register":
                 self.spare.start()  # for the next task, while this one runs

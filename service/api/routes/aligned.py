@@ -47,7 +47,7 @@ Distances = Annotated[
 ]
 
 
-def _tag(
+async def _tag(
     job: RequestedJob,
     format: Format = "ply",
     merged: Merged = False,

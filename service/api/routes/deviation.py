@@ -42,7 +42,9 @@ MaxDistance = Annotated[
 ]
 
 
-def _tag(job: RequestedJob, tolerances: Tolerances = None, max_distance: MaxDistance = None) -> str:
+async def _tag(
+    job: RequestedJob, tolerances: Tolerances = None, max_distance: MaxDistance = None
+) -> str:
     """Return the ETag of the document, before it is made."""
     what = [job.work_key, job.result_sha256, "deviation", tolerances, max_distance]
     return f'"{hash_json(what)}"'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import AsyncIterator, Iterator
 from typing import Annotated, Literal
 
@@ -17,7 +16,7 @@ from service.api.middleware.conditional import NOT_MODIFIED, is_known
 from service.api.threads import OwnThreads
 from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
-from service.schemas.serialize_result import iter_inliers_json
+from service.schemas.serialize_result import iter_inliers_json, read_summary
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
@@ -69,8 +68,8 @@ def get_inliers(
     if is_known(headers["ETag"], if_none_match):
         return Response(status_code=NOT_MODIFIED, headers=headers)
     rows = np.load(array, mmap_mode="r", allow_pickle=False)
-    result = json.loads(document.read_bytes())
-    chunks = iter_inliers_json(rows, result["inliers"]["threshold"])
+    summary = read_summary(document.read_bytes())
+    chunks = iter_inliers_json(rows, summary["inliers"]["threshold"])
     return StreamingResponse(_render(chunks), media_type="application/json", headers=headers)
 
 

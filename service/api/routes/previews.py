@@ -40,7 +40,7 @@ LAYOUT = (
 )
 
 
-def _tag(job: RequestedJob, role: Role, max_points: MaxPoints = MAX_PREVIEW_POINTS) -> str:
+async def _tag(job: RequestedJob, role: Role, max_points: MaxPoints = MAX_PREVIEW_POINTS) -> str:
     """Return the ETag of the preview, before it is made."""
     return f'"{hash_json([job.work_key, job.result_sha256, "preview", role, max_points])}"'
 

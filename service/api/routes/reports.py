@@ -39,11 +39,11 @@ Unit = Annotated[
 ]
 
 
-def _picture_tag(job: RequestedJob) -> str:
+async def _picture_tag(job: RequestedJob) -> str:
     return f'"{hash_json([job.work_key, job.result_sha256, "picture"])}"'
 
 
-def _report_tag(job: RequestedJob, tolerances: Tolerances = None, unit: Unit = None) -> str:
+async def _report_tag(job: RequestedJob, tolerances: Tolerances = None, unit: Unit = None) -> str:
     """Return the ETag of the report, before it is made."""
     what = [job.id, job.result_sha256, "report", tolerances, unit]
     return f'"{hash_json(what)}"'
@@ -92,7 +92,6 @@ def _prepare_report(
     pair, result = require_pair(job, runtime)
     named = unit or job.labels.get("unit", "")[:MAX_UNIT_LENGTH]
     summary = summarize_job(job).model_dump(mode="json")
-    result["inliers"]["pairs"] = None  # not told in a report, and long
     return runtime.exporter.export(
         job,
         lambda environment: ExportReport(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import shutil
 import struct
 import tempfile
 from collections.abc import Iterator
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import PIECE_BYTES, ReadLimits, iter_ranges
+from service.formats.disk import check_disk
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.pcd.header import PcdHeader
 
@@ -63,7 +62,7 @@ def iter_compressed(
     starts = _column_starts(header, size)
     with tempfile.TemporaryFile(prefix="expanded-") as file:
         try:
-            _check_disk(size, limits)
+            check_disk(Path(tempfile.gettempdir()), size, limits)
             file.writelines(_expand(path, header))
         except OSError as error:
             raise MalformedFileError(f"the points cannot be expanded: {error.strerror}") from None
@@ -80,11 +79,6 @@ def _read_part(
     file.seek(starts[place] + rows.start * row_bytes)
     content = file.read(len(rows) * row_bytes)
     return np.frombuffer(content, header.types[place]).reshape(len(rows), -1)[:, part]
-
-
-def _check_disk(size: int, limits: ReadLimits) -> None:
-    if shutil.disk_usage(tempfile.gettempdir()).free - size < limits.min_free_disk_bytes:
-        raise OSError(errno.ENOSPC, "too little of the disk would be left")
 
 
 def _read_sizes(path: Path, header: PcdHeader) -> tuple[int, int]:

@@ -85,6 +85,14 @@ def test_documents_that_are_archives_are_named(tmp_path: Path, member: str, word
         read_points(write_file(tmp_path, zip_members(**{member: b"", "other": b""})))
 
 
+def test_text_that_is_rewritten_leaves_some_of_the_disk_free(tmp_path: Path) -> None:
+    path = write_file(tmp_path, text_rows(POINTS).decode().encode("utf-16"))
+    with pytest.raises(OSError, match="of the disk") as refused:
+        read_points(path, ReadLimits(min_free_disk_bytes=2**60))
+    assert is_disk_full(refused.value)
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_files_of_an_unclear_zip_are_named(tmp_path: Path) -> None:
     path = write_file(tmp_path, zip_members(**{"a.xyz": ply(), "b.xyz": ply(), ".DS_Store": b""}))
     with pytest.raises(UnsupportedFileError, match=r"2 files \('a.xyz', 'b.xyz'\)"):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import DecodedCloud, common_brightness, read_surface, write_cloud
+from service.formats import DecodedCloud, ReadLimits, common_brightness, read_surface, write_cloud
 from service.formats.brightness import find_brightness
 from service.storage.decoded_cache import load_or_decode
 
@@ -60,7 +60,7 @@ def test_samples_of_a_mesh_have_the_brightness_of_their_place(tmp_path: Path) ->
 def test_the_cache_of_decoded_clouds_keeps_it(tmp_path: Path) -> None:
     cloud = DecodedCloud(POINTS, "ply", brightness=find_brightness(CLOUD.attributes))
     entry = tmp_path / "entry.npz"
-    load_or_decode(entry, lambda: cloud, tmp_path, 1000)
-    kept = load_or_decode(entry, lambda: pytest.fail("decoded again"), tmp_path, 1000)
+    load_or_decode(entry, lambda: cloud, tmp_path, ReadLimits())
+    kept = load_or_decode(entry, lambda: pytest.fail("decoded again"), tmp_path, ReadLimits())
     for kind, values in cloud.brightness.items():
         np.testing.assert_array_equal(kept.brightness[kind], values)

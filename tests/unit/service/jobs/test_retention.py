@@ -67,5 +67,8 @@ def test_texts_of_the_caller_count(database: Database, transitions: JobTransitio
     add(transitions, labels={"part": "x" * 50_000})
     long = count_stored_bytes(database, TENANT)
     assert long > small + 50_000
-    add(transitions, callback_url="http://there/" + "x" * 8000)
-    assert count_stored_bytes(database, TENANT) > long + 8000
+    job = add(transitions, callback_url="http://there/" + "x" * 8000)
+    waiting = count_stored_bytes(database, TENANT)
+    assert waiting > long + 8000
+    transitions.cancel(job.id)
+    assert count_stored_bytes(database, TENANT) == waiting + ROW_BYTES  # its callback

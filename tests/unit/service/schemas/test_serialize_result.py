@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 
 from service.schemas import InlierList, serialize_result
-from service.schemas.serialize_result import INLIER_DTYPE, iter_inliers_json
+from service.schemas.serialize_result import INLIER_DTYPE, iter_inliers_json, read_summary
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 10])
@@ -25,3 +26,25 @@ def test_the_list_of_inliers(count: int, chunk: int, monkeypatch: pytest.MonkeyP
     assert document.pairs == [[i, 2 * i] for i in range(count)]
     assert document.distances == [i / 3 for i in range(count)]
     assert json.loads("".join(iter_inliers_json(rows, 0.25)))["count"] == count
+
+
+@pytest.mark.parametrize("count", [0, 1, 50_000])
+def test_a_summary_is_the_result_without_its_pairs(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only little of the text is parsed, as no other thread runs meanwhile."""
+    inliers = {"count": count, "pairs": [[i, i] for i in range(count)]}
+    result = {"warnings": ['a file said "pairs":[[1,2]]'], "inliers": inliers, "rmse": 0.5}
+    document = json.dumps(result, separators=(",", ":"))
+    lengths: list[int] = []
+    parse = json.loads
+
+    def parse_counted(text: bytes) -> Any:
+        lengths.append(len(text))
+        return parse(text)
+
+    monkeypatch.setattr(json, "loads", parse_counted)
+    assert read_summary(document.encode()) == result | {
+        "inliers": {"count": count, "pairs": None if count else []}
+    }
+    assert max(lengths) < 200

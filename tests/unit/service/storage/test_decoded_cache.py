@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import DecodedCloud
+from service.formats import DecodedCloud, ReadLimits
 from service.storage.decoded_cache import DecodedCache, decoded_path, load_or_decode
 
 HASH = "ab" * 32
+LIMITS = ReadLimits()
 POINTS = np.random.default_rng(0).normal(size=(50, 3))
 
 
@@ -20,7 +21,9 @@ def prepared(tmp_path: Path) -> DecodedCache:
     return DecodedCache(tmp_path)
 
 
-def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
+def decodings(
+    prepared: DecodedCache, scratch: Path, *tenants: str, limits: ReadLimits = LIMITS
+) -> int:
     """How often the file is decoded when these tenants refer to it in turn."""
     count = 0
 
@@ -30,7 +33,7 @@ def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
         return DecodedCloud(POINTS, "ply", ("odd",))
 
     for tenant in tenants:
-        cloud = load_or_decode(decoded_path(scratch.parent, tenant, HASH), decode, scratch, 100)
+        cloud = load_or_decode(decoded_path(scratch.parent, tenant, HASH), decode, scratch, limits)
         prepared.adopt(tenant, HASH, scratch)
         np.testing.assert_array_equal(cloud.points, POINTS)
         assert (cloud.format, cloud.warnings) == ("ply", ("odd",))
@@ -39,6 +42,14 @@ def decodings(prepared: DecodedCache, scratch: Path, *tenants: str) -> int:
 
 def test_once_for_each_tenant(prepared: DecodedCache, tmp_path: Path) -> None:
     assert decodings(prepared, tmp_path / "scratch", "lab", "lab", "lab-2", "lab") == 2
+
+
+def test_nothing_is_kept_where_it_leaves_too_little_of_the_disk(
+    prepared: DecodedCache, tmp_path: Path
+) -> None:
+    short = ReadLimits(min_free_disk_bytes=2**60)
+    assert decodings(prepared, tmp_path / "scratch", "lab", "lab", limits=short) == 2
+    assert not list((tmp_path / "scratch").iterdir())
 
 
 def test_what_one_tenant_needs_no_more_is_dropped(prepared: DecodedCache, tmp_path: Path) -> None:

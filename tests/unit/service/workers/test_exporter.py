@@ -15,6 +15,7 @@ import pytest
 
 from service.formats.errors import CloudFileError
 from service.problems import (
+    JobMemoryError,
     JobTimeoutError,
     NotReadyError,
     OverloadedError,
@@ -27,7 +28,7 @@ from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers import exporter as module
 from service.workers.aligned_pair import AlignedPair
-from service.workers.child import ChildLostError
+from service.workers.child import ChildLostError, NoProcessError
 from service.workers.export_aligned import ExportAligned
 from service.workers.exporter import Exporter, ExportError
 from service.workers.messages import Exported, Failed, Problem, Progress, Ready
@@ -119,6 +120,30 @@ def test_a_lost_child_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, l
     with (
         exporter(tmp_path, monkeypatch, line) as (made, _),
         pytest.raises(WorkerLostError, match="could not be written"),
+    ):
+        export(made)
+
+
+def test_a_process_that_does_not_start_is_not_the_callers_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = NoProcessError("a process ended before it was ready")
+    with (
+        exporter(tmp_path, monkeypatch, line) as (made, _),
+        pytest.raises(NotReadyError, match="ended before it was ready"),
+    ):
+        export(made)
+
+
+def test_a_child_that_the_kernel_ends_for_want_of_memory_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts = iter((3, 4))
+    monkeypatch.setattr(module, "count_oom_kills", lambda: next(counts))
+    line = ChildLostError("its process was ended by SIGKILL")
+    with (
+        exporter(tmp_path, monkeypatch, line) as (made, _),
+        pytest.raises(JobMemoryError, match="MPE_WORKERS"),
     ):
         export(made)
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import pytest
 
@@ -206,16 +206,22 @@ def test_a_full_disk_costs_the_job_nothing_and_it_is_tried_again(
     assert attempts.run([SUCCEEDED]).status == "succeeded"
 
 
-def test_a_fetch_that_leaves_too_little_of_the_disk_is_tried_again(attempts: Attempts) -> None:
-    attempts.add(source=AWAY)
+@pytest.mark.parametrize("queue", get_args(JobQueue))
+def test_a_child_that_leaves_too_little_of_the_disk_is_ended_and_the_job_tried_again(
+    attempts: Attempts, queue: JobQueue
+) -> None:
+    attempts.add(source=AWAY if queue == "fetch" else HERE)
     attempts.settings = attempts.settings.model_copy(update={"min_free_disk_bytes": 2**60})
-    job = attempts.fetch()
-    assert (job.status, job.queue, job.lost_attempts, job.interruptions) == (
-        "queued",
-        "fetch",
-        0,
-        1,
-    )
+    written = {"cloud": bytes(module.SMALL_SCRATCH_BYTES + 1)}
+    job = attempts.supervise([FakeChild(files=written)], queue)
+    assert (job.status, job.queue) == ("queued", queue)
+    assert (job.lost_attempts, job.interruptions) == (0, 1)
+
+
+def test_a_job_goes_on_where_others_have_filled_the_disk(attempts: Attempts) -> None:
+    attempts.add()
+    attempts.settings = attempts.settings.model_copy(update={"min_free_disk_bytes": 2**60})
+    assert attempts.run([Progress("decode", 0.05), SUCCEEDED]).status == "succeeded"
 
 
 def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
