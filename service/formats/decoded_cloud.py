@@ -161,8 +161,10 @@ def join_pieces(pieces: Iterable[DecodedCloud]) -> DecodedCloud:
     *others, last = pieces
     parts = [piece for piece in (*others, last) if len(piece.points)] or [last]
     names = [name for name in parts[0].attributes if all(name in p.attributes for p in parts)]
+    normals = [piece.normals for piece in parts if piece.normals is not None]
     return replace(
         last,
+        normals=np.concatenate(normals) if len(normals) == len(parts) else None,
         points=np.concatenate([piece.points for piece in parts]),
         attributes={name: np.concatenate([p.attributes[name] for p in parts]) for name in names},
     )

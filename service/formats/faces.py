@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from service.formats.errors import MalformedFileError
 
+LARGE_MESH_WARNING = "the faces are not kept, because the file is large: its vertices are taken"
+
 
 def triangulate(corners: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
     """Cut polygons into fans of triangles; those of fewer than three corners are left out.

@@ -25,12 +25,12 @@ from service.formats import (
     splat,
     spz,
     vtk,
-    vtk_xml,
     xyz,
 )
 from service.formats.decoded_cloud import DecodedCloud
 from service.formats.mesh import gltf
 from service.formats.mesh import text as mesh_text
+from service.formats.vtk import xml as vtk_xml
 
 ReadChoice = Literal["scan", "faces", "attributes", "weights", "columns", "array"]
 """Keyword arguments of `read_points` that only some formats know."""
@@ -142,20 +142,20 @@ FORMATS = (
     ),
     Format(
         "vtk",
-        "VTK, legacy files in ASCII or binary: the points of poly data and grids",
+        "VTK, legacy files in ASCII or binary: the surface, or the points, of poly data and grids",
         (".vtk",),
         _starts_with(vtk.MAGIC),
         vtk.read,
-        ("attributes",),
+        ("faces", "attributes"),
         read_pieces=vtk.read_pieces,
     ),
     Format(
         "vtp",
-        "VTK in XML, text or binary, compressed by zlib or not: the points of poly data and grids",
+        "VTK in XML, text or binary, compressed by zlib, LZMA or not: as legacy files",
         (".vtp", ".vtu", ".vts"),
         vtk_xml.sniff,
         vtk_xml.read,
-        ("attributes",),
+        ("faces", "attributes"),
     ),
     Format(
         "gltf",

@@ -18,7 +18,8 @@ from service.formats.read import read_points
 MIN_DEFAULT_SAMPLES = 50_000
 """Samples of a mesh by default; one of more vertices gets as many samples as vertices."""
 _MIN_SHARE_AT_FACES = 0.5
-"""Share of the vertices at faces from which on the faces are the surface, and no leftovers."""
+"""Share of the vertices at faces from which on the faces are the surface by default, and no
+leftovers."""
 _BLOCK_FACES = 1 << 20
 """Faces whose areas are computed at once, to bound the memory."""
 _ABOUT_ATTRIBUTES = re.compile(r"^(?!the faces).*\bnot kept\b")
@@ -59,6 +60,8 @@ def read_surface(
     if surface_samples == 0:
         return cloud
     shares = _areas(cloud)
+    if shares is not None and surface_samples is None and not _is_at_faces(cloud):
+        return replace(cloud, warnings=(*cloud.warnings, _few_faces(cloud)))
     if shares is None:
         if surface_samples is not None:
             raise MalformedFileError(
@@ -92,8 +95,6 @@ def _areas(cloud: DecodedCloud) -> NDArray[np.float64] | None:
     """Return the area (F,) of each face, 0 where it is not finite; None without a surface."""
     if cloud.faces is None:
         return None
-    at_faces = np.zeros(len(cloud.points), np.bool_)
-    at_faces[cloud.faces] = True
     blocks = range(0, len(cloud.faces), _BLOCK_FACES)
     areas = np.concatenate(
         [
@@ -102,8 +103,22 @@ def _areas(cloud: DecodedCloud) -> NDArray[np.float64] | None:
         ]
     )
     areas[~np.isfinite(areas)] = 0.0
-    is_surface = at_faces.mean() >= _MIN_SHARE_AT_FACES and 0 < areas.sum() < np.inf
-    return areas if is_surface else None
+    return areas if 0 < areas.sum() < np.inf else None
+
+
+def _is_at_faces(cloud: DecodedCloud) -> bool:
+    """Whether enough of the vertices are at faces, so that these are the surface."""
+    at_faces = np.zeros(len(cloud.points), np.bool_)
+    at_faces[cloud.faces] = True
+    return bool(at_faces.mean() >= _MIN_SHARE_AT_FACES)
+
+
+def _few_faces(cloud: DecodedCloud) -> str:
+    assert cloud.faces is not None  # noqa: S101
+    return (
+        f"the {len(cloud.faces)} triangles are at few of the {len(cloud.points)} points: the "
+        "points count, and not the surface; surface_samples takes samples of it"
+    )
 
 
 def _normals(points: NDArray[np.floating], faces: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ import numpy as np
 import pye57
 
 from tests.factories.cloud_files import POINTS, ply, text_rows
+from tests.factories.vtk_files import legacy_mesh, xml_mesh
 
 DOUBLES = POINTS.astype(np.float64)
 FACES = np.array([(i, i + 1, i + 2) for i in range(38)])
@@ -276,7 +277,10 @@ def scanner_seeds() -> dict[str, bytes]:
         "lvx2": lvx2(),
         "vtk": vtk(),
         "vtk binary": vtk(binary=True),
+        "vtk mesh": legacy_mesh(binary=False, new=False),
+        "vtk binary mesh": legacy_mesh(binary=True, new=True),
         "vtp": vtp(),
+        "vtp mesh": xml_mesh(),
         "vtp raw": vtp("raw", compressed=True),
         "gzip": gzip.compress(ply(), mtime=0),
         "zip": zipped(ply()),

@@ -24,6 +24,7 @@ with atheris.instrument_imports(include=["service.formats", "laspy", "pye57", "t
 from tests.factories.array_files import array_seeds
 from tests.factories.cloud_files import seeds
 from tests.factories.scanner_files import kitti, scanner_seeds, whole_e57
+from tests.factories.vtk_files import solid_grid
 
 LIMITS = ReadLimits(max_points=100_000)
 MAX_BYTES = 20_000
@@ -46,7 +47,7 @@ def main() -> None:
     (format,) = (item for item in FORMATS if item.name == name)
     folder = Path("build/fuzz") / name
     folder.mkdir(parents=True, exist_ok=True)
-    files = seeds() | scanner_seeds() | array_seeds() | {"kitti": kitti()}
+    files = seeds() | scanner_seeds() | array_seeds() | {"kitti": kitti(), "vtk": solid_grid()}
     for kind, content in files.items():
         if kind == name or sniff(content[:4096]) == name:
             (folder / kind.replace(" ", "-")).write_bytes(content)

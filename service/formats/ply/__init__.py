@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from service.formats.column_types import restore_type
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
+from service.formats.faces import LARGE_MESH_WARNING
 from service.formats.memory_map import map_file
 from service.formats.ply.faces import read_faces, skip_lines
 from service.formats.ply.header import PlyElement, PlyHeader, parse_header
@@ -79,8 +80,10 @@ def read_pieces(
         yield _to_cloud(table, vertex, wanted, attributes=attributes)
     if attributes or faces:
         others = [element.name[:40] for element in header.elements if element.name != "vertex"]
+        has_faces = any(element.name == "face" and element.count for element in header.elements)
         lost = f"elements that are not kept, because the file is large: {', '.join(others[:9])}"
         warnings = (*_warn_of_kinds(vertex), *((lost,) if others else ()))
+        warnings += (LARGE_MESH_WARNING,) if has_faces else ()
         yield DecodedCloud(np.empty((0, 3)), "ply", warnings)
 
 

@@ -77,12 +77,24 @@ def test_vertices_on_request(tmp_path: Path) -> None:
     assert cloud.mesh is None
 
 
-@pytest.mark.parametrize("faces", [b"3 0 0 1\n", b"3 0 1 2\n"], ids=["no area", "few faces"])
-def test_what_is_no_surface_is_read_as_points(tmp_path: Path, faces: bytes) -> None:
-    path = write_file(tmp_path, b"OFF\n40 1 0\n" + text_rows(DOUBLES.astype(np.float32)) + faces)
+def with_one_face(folder: Path, face: bytes) -> Path:
+    rows = text_rows(DOUBLES.astype(np.float32))
+    return write_file(folder, b"OFF\n40 1 0\n" + rows + face)
+
+
+def test_faces_without_area_are_no_surface(tmp_path: Path) -> None:
+    path = with_one_face(tmp_path, b"3 0 0 1\n")
     assert len(read_surface(path).points) == 40
     with pytest.raises(MalformedFileError, match="no faces with an area"):
         read_surface(path, surface_samples=100)
+
+
+def test_faces_at_few_points_are_sampled_on_request(tmp_path: Path) -> None:
+    path = with_one_face(tmp_path, b"3 0 1 2\n")
+    cloud = read_surface(path)
+    assert len(cloud.points) == 40
+    assert "the points count, and not the surface" in cloud.warnings[-1]
+    assert read_surface(path, surface_samples=100).mesh is not None
 
 
 def test_a_cloud_without_faces_has_no_samples(tmp_path: Path) -> None:

@@ -128,6 +128,10 @@ def vtk(path: Path, cloud: DecodedCloud, form: str = "BINARY") -> None:
     head = f"# vtk DataFile Version 3.0\n\n{form}\nDATASET POLYDATA\nPOINTS {COUNT} double\n"
     rows = "".join(f"{x} {y} {z}\n" for x, y, z in cloud.points.tolist()).encode()
     body = cloud.points.astype(">f8").tobytes() if form == "BINARY" else rows
+    column = cloud.attributes["intensity"]
+    text = "\n".join(map(str, column.tolist())).encode()
+    body += f"\nPOINT_DATA {COUNT}\nSCALARS intensity double\nLOOKUP_TABLE default\n".encode()
+    body += column.astype(">f8").tobytes() if form == "BINARY" else text
     path.write_bytes(head.encode() + body)
 
 
