@@ -17,6 +17,7 @@ from sqlalchemy import insert, literal, select, text
 from benchmarks.experiment import Experiment, Result, markdown
 from service.database.engine import Database, open_database
 from service.database.tables import events, jobs, turns
+from service.jobs.missing_workers import MissingWorkers
 from service.jobs.model import JobRow
 from service.jobs.queries import JobFilter, JobQueries
 from service.jobs.transitions import JobTransitions
@@ -103,7 +104,8 @@ def measure_rows(database: Database) -> Result:
     fill(database)
     queries, transitions = JobQueries(database), open_transitions(database, queue_limit=10 * ROWS)
     metrics = Metrics()
-    metrics.watch(queries, WorkerSlots(database, 1).count, lambda: True)
+    slots = WorkerSlots(database, 1)
+    metrics.watch(queries, slots, MissingWorkers(queries, slots), lambda: True)
     middle = queries.page("t1", limit=1, only=JobFilter(status="succeeded"))[0]
     place = (middle.created_at, middle.id)
 

@@ -23,6 +23,7 @@ from service.database.engine import Database, Listening
 from service.database.store import open_store
 from service.jobs.announcements import Announcement
 from service.jobs.idempotency import Idempotency, InFlightKeys
+from service.jobs.missing_workers import MissingWorkers
 from service.jobs.model import JobRow, Retention
 from service.jobs.notifier import JobNotifier
 from service.jobs.queries import JobQueries
@@ -75,6 +76,7 @@ class Runtime:
     storage_quota: StorageQuota
     disk: DiskSpace
     slots: WorkerSlots
+    missing_workers: MissingWorkers
     rate_limiter: RateLimiter = field(default_factory=RateLimiter)
     in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
     export_gate: ExportGate = field(default_factory=ExportGate)
@@ -166,7 +168,11 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
             queue_limit=settings.queue_limit,
             retention=Retention(settings.result_retention_s, settings.job_retention_s),
             is_stored=blobs.exists,
+            large_bytes=settings.large_bytes,
             listeners=(telemetry, notifier),
+        )
+        slots = WorkerSlots(
+            database, 0 if role == "api" else settings.workers, settings.worker_labels
         )
         runtime = Runtime(
             settings=settings,
@@ -184,13 +190,14 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
             authenticator=Authenticator(keys, settings),
             storage_quota=StorageQuota(database),
             disk=disk,
-            slots=WorkerSlots(database, 0 if role == "api" else settings.workers),
+            slots=slots,
+            missing_workers=MissingWorkers(jobs, slots),
         )
         stack.callback(stop_forkserver)
-        runtime.slots.begin()
+        slots.begin()
         stack.callback(_withdraw, runtime)
         listening = stack.enter_context(closing(database.listen(runtime.hear, runtime.look_again)))
-        metrics.watch(jobs, runtime.slots.count, lambda: listening.is_leader)
+        metrics.watch(jobs, slots, runtime.missing_workers, lambda: listening.is_leader)
         parts: list[_Part] = [
             runtime.workers,
             Maintenance(_urgent_tasks(runtime, listening), DEADLINE_INTERVAL_S),
@@ -264,6 +271,7 @@ def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[Maintenan
         _once_for_all(collect_shared_blobs, listening),
         collect_decoded,
         lambda: http_cache.prune(settings.data_dir, runtime.blobs),
+        _once_for_all(runtime.missing_workers.log, listening),
     ]
 
 

@@ -87,6 +87,7 @@ def _split_commas(value: object) -> object:
 
 
 CommaSeparated = Annotated[tuple[T, ...], NoDecode, BeforeValidator(_split_commas)]
+WorkerLabel = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")]
 LowerCase = Annotated[str, StringConstraints(to_lower=True)]
 Hostname = Annotated[LowerCase, Field(pattern=r"^[A-Za-z0-9._-]+$")]
 Port = Annotated[int, Field(ge=1, le=65535)]
@@ -264,6 +265,14 @@ class Settings(BaseSettings):
     """Registrations that run at the same time. Default: the number of cores, at most 4."""
     threads_per_worker: NonNegativeInt = 0
     """Threads of one registration; 0: the number of cores divided by the workers."""
+    worker_labels: CommaSeparated[WorkerLabel] = ()
+    """Labels of the workers of this service, comma-separated; `large`: they have the memory for
+    clouds above MPE_LARGE_BYTES. `/v1/capacity` counts the workers of each label.
+    """
+    large_bytes: PositiveInt | None = None
+    """Bytes of both files of a registration above which only workers with the label `large` run it;
+    unset: all workers run all. The same for all services on a database.
+    """
     max_body_bytes: PositiveInt = 512 * MEBIBYTE
     """Maximum size of a request body and of a fetched cloud, in bytes; larger bodies are answered
     413.

@@ -57,6 +57,11 @@ def _parser() -> argparse.ArgumentParser:
     worker.add_argument(
         "--concurrency", type=int, metavar="N", help="registrations at once (MPE_WORKERS)"
     )
+    worker.add_argument(
+        "--labels",
+        metavar="LABEL,...",
+        help="labels of this worker, such as large (MPE_WORKER_LABELS)",
+    )
     add_keys(commands)
     add_backup(commands)
     add_admin(commands)
@@ -67,15 +72,18 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _serve(arguments: argparse.Namespace) -> int:
-    return _run_service(arguments, "api" if arguments.no_workers else "all", None)
+    return _run_service(arguments, "api" if arguments.no_workers else "all")
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    return _run_service(arguments, "worker", arguments.concurrency)
+    given = {"workers": arguments.concurrency, "worker_labels": arguments.labels}
+    return _run_service(
+        arguments, "worker", **{name: value for name, value in given.items() if value is not None}
+    )
 
 
 def _run_service(
-    arguments: argparse.Namespace, role: Literal["all", "api", "worker"], workers: int | None
+    arguments: argparse.Namespace, role: Literal["all", "api", "worker"], **given: object
 ) -> int:
     from service.auth.bind_check import UnprotectedBindError
     from service.database.store import StoreLostError
@@ -83,7 +91,7 @@ def _run_service(
     from service.workers.sandbox.confinement import SandboxError
 
     try:
-        settings = load_settings() if workers is None else load_settings(workers=workers)
+        settings = load_settings(**given)
         if role != "all":
             settings.check_shared()
         serve(settings, arguments.host, arguments.port, role)

@@ -166,6 +166,8 @@ worker_slots = Table(
     Column("service", String, primary_key=True),
     Column("number", Integer, nullable=False),
     Column("lease_until", Float, nullable=False),
+    # of its workers; the default is for services of the release before, which run meanwhile
+    Column("labels", JSON, nullable=False, server_default="[]"),
 )
 
 # uploads in pieces; how far one is, is the length of its file, or of its pieces in a bucket

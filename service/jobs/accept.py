@@ -15,6 +15,7 @@ from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobQueue, JobRow, Retention
 from service.jobs.rows import count_jobs, find_job
+from service.jobs.sizes import choose_queue
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
 
@@ -27,6 +28,7 @@ def accept_job(
     tenant_queue_limit: int | None,
     retention: Retention,
     is_stored: Callable[[str], bool],
+    large_bytes: int | None = None,
 ) -> JobRow:
     """Insert a job, within an exclusive transaction of the caller.
 
@@ -35,6 +37,8 @@ def accept_job(
     is_stored
         Whether the blob of this hash is on the disk: a result whose files are missing is computed
         again.
+    large_bytes
+        As in `service.jobs.sizes.choose_queue`.
 
     Returns
     -------
@@ -55,8 +59,7 @@ def accept_job(
         earlier = _find_replayed(connection, job.tenant, idempotency)
         if earlier is not None:
             return earlier
-    needs_fetching = job.source.needs_fetching or job.target.needs_fetching
-    job = replace(job, queue="fetch" if needs_fetching else "register")
+    job = replace(job, queue=choose_queue(job, large_bytes))
     job = _reuse_result(connection, job, retention, is_stored)
     if job.status == "queued":
         check_queue_limit(count_jobs(connection, "queued"), queue_limit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Self, cast
+from typing import Literal, Self, cast, get_args
 
 from service.jobs.model import JobQueue
 
@@ -25,6 +25,6 @@ class Announcement:
         """Read a text; None for that of another release."""
         change, _, rest = text.partition(" ")
         queue, _, job_id = rest.partition(" ")
-        if change not in ("queued", "changed", "ended") or queue not in ("register", "fetch"):
+        if change not in ("queued", "changed", "ended") or queue not in get_args(JobQueue):
             return None
         return cls(cast(Literal["queued"], change), cast(JobQueue, queue), job_id)

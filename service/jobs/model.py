@@ -13,12 +13,14 @@ State machine of a job; `service.jobs.transitions` makes every change of it::
        +--result of the same work is kept--> succeeded
 
 A job whose clouds are URLs is claimed from the queue `fetch` first; once they are stored, it goes
-to the queue `register`, and never back. Each claim begins an attempt and increases
-`JobRow.attempt`; the claim after a fetch goes on with the attempt of the fetch. Queue and number
-are a fencing token: what a worker writes counts only while the job is running and both are still
-the worker's. An attempt whose child process ends without an answer returns the job to its queue;
-the third one fails it. An attempt that is interrupted from outside (the service died, the disk was
-full) returns the job to its queue too; `MAX_INTERRUPTIONS` of them, with pauses that grow, fail it.
+to the queue `register`, or to `large` where its clouds are large (`service.jobs.sizes`). A job that
+runs out of memory goes from `register` to `large`. None goes back. Each claim begins an attempt and
+increases `JobRow.attempt`; the claim after a fetch goes on with the attempt of the fetch. Queue and
+number are a fencing token: what a worker writes counts only while the job is running and both are
+still the worker's. An attempt whose child process ends without an answer returns the job to its
+queue; the third one fails it. An attempt that is interrupted from outside (the service died, the
+disk was full) returns the job to its queue too; `MAX_INTERRUPTIONS` of them, with pauses that grow,
+fail it.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from typing import Any, Literal, get_args
 from service.clouds.inputs import CloudInput
 
 JobStatus = Literal["queued", "running", "succeeded", "failed", "cancelled"]
-JobQueue = Literal["fetch", "register"]
+JobQueue = Literal["fetch", "register", "large"]
 JOB_STATUSES: tuple[JobStatus, ...] = get_args(JobStatus)
 TERMINAL_STATUSES: tuple[JobStatus, ...] = ("succeeded", "failed", "cancelled")
 DeliveryStatus = Literal["pending", "sending", "delivered", "failed"]

@@ -14,12 +14,20 @@ from service.database.engine import Database
 from service.database.tables import jobs
 from service.jobs.accept import accept_job
 from service.jobs.announcements import Announcement
-from service.jobs.claim_order import MAX_PAUSE_S, NO_LIMIT, claim_next, find_next_tenant
+from service.jobs.claim_order import (
+    MAX_PAUSE_S,
+    NO_LIMIT,
+    claim_next,
+    enter_queue,
+    find_next_tenant,
+)
 from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import TERMINAL_STATUSES, JobQueue, JobRow, Outcome, Retention
 from service.jobs.notifier import JobListener
 from service.jobs.rows import find_job, job_from_row
+from service.jobs.sizes import LARGE, choose_queue
+from service.jobs.worker_slots import count_slots
 from service.problems import DeadlineError, WorkerLostError, error_document
 
 MAX_LOST_ATTEMPTS = 3
@@ -47,12 +55,14 @@ class JobTransitions:
         queue_limit: int,
         retention: Retention,
         is_stored: Callable[[str], bool],
+        large_bytes: int | None = None,
         listeners: Sequence[JobListener] = (),
     ) -> None:
         self._database = database
         self._queue_limit = queue_limit
         self._retention = retention
         self._is_stored = is_stored
+        self._large_bytes = large_bytes
         self._listeners = listeners
 
     def add(
@@ -72,6 +82,7 @@ class JobTransitions:
                 tenant_queue_limit=tenant_queue_limit,
                 retention=self._retention,
                 is_stored=self._is_stored,
+                large_bytes=self._large_bytes,
             )
             if accepted.status == "queued":
                 self._announce(connection, "queued", accepted)
@@ -137,10 +148,23 @@ class JobTransitions:
             "target": asdict(job.target),
             "timing": job.timing,
             "attempt": job.attempt - 1,
-            "queue": "register",
+            "queue": choose_queue(job, self._large_bytes),
             **_QUEUED,
         }
         return self._change(job, values)
+
+    def retry_on_larger(self, job: JobRow) -> bool:
+        """Queue a job that ran out of memory for a worker with the label LARGE, once.
+
+        Returns False when it has run on one already, when none is there, or when the attempt is
+        not current.
+        """
+        if job.queue == "large":
+            return False
+        with self._database.read() as connection:
+            if not count_slots(connection, LARGE):
+                return False
+        return self._change(job, {"queue": "large", **_QUEUED})
 
     def succeed(self, job: JobRow, outcome: Outcome, work_key: str | None) -> bool:
         """Commit a result; return False when the attempt is not current."""
@@ -237,7 +261,7 @@ class JobTransitions:
         with self._database.read() as connection:
             total_s = read_time(connection) - job.created_at
         queued_s = job.started_at - job.created_at
-        if job.queue == "register":
+        if job.queue != "fetch":
             queued_s -= job.timing.get("fetch_s", 0.0)
         # the clock may have been set back
         return {"queued_s": max(0.0, queued_s), **stages, "total_s": max(0.0, total_s)}
@@ -248,6 +272,8 @@ class JobTransitions:
         with self._database.write(durable=durable) as connection:
             is_changed = _update(connection, _is_current_attempt(job), values)
             if is_changed:
+                if "queue" in values:  # a job of an earlier release has no turn there
+                    enter_queue(connection, job.tenant, values["queue"])
                 record_change(connection, job.id)
                 self._announce(
                     connection, change, replace(job, queue=values.get("queue", job.queue))

@@ -70,6 +70,11 @@ class Progress(ResponseModel):
 
     stage: Stage
     fraction: float = Field(ge=0, le=1, description="Fraction of the work that is done, in [0, 1].")
+    needs_label: str | None = Field(
+        None,
+        description="Label that its worker must have; `labels` of `/v1/capacity` counts those that "
+        "have it. null: any worker will do.",
+    )
 
 
 class Event(ResponseModel):

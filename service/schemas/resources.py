@@ -68,11 +68,21 @@ class Capacity(ResponseModel):
     """Load and limits of the service."""
 
     workers: int = Field(description="Number of registrations that all services can run at once.")
+    labels: dict[str, int] = Field(
+        description="Of these, the number for each label that a worker has."
+    )
     threads_per_worker: int = Field(description="Number of threads of one registration.")
     running: int = Field(description="Number of running registrations.")
     free: int = Field(description="Number of idle workers.")
     queued: int = Field(description="Number of waiting registrations.")
     queue_limit: int = Field(description="Limit of waiting registrations.")
+    warnings: list[str] = Field(
+        description="What keeps registrations waiting until somebody mends it, in words."
+    )
+    large_bytes: int | None = Field(
+        description="Bytes of both files above which a registration needs a worker with the label "
+        "`large`; null: none does."
+    )
     max_body_bytes: int = Field(description="Largest request body, in bytes.")
     max_wait_s: float = Field(description="Longest `Prefer: wait`, in seconds.")
     job_timeout_s: float = Field(description="Time limit of one attempt, in seconds.")
@@ -84,3 +94,7 @@ class Health(ResponseModel):
     """Whether the service works."""
 
     status: Literal["ok"] = "ok"
+    warnings: list[str] = Field(
+        default_factory=list,
+        description="What keeps registrations waiting until somebody mends it, in words.",
+    )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from service.jobs.model import JobRow
+from service.jobs.model import JobRow, is_terminal
+from service.jobs.sizes import needed_label
 from service.problems import ExpiredError
 from service.schemas.registration import JobSummary, Progress
 from service.storage.blobs import BlobStore
@@ -14,7 +15,9 @@ def summarize_job(job: JobRow) -> JobSummary:
     Pydantic converts times (seconds since the epoch to UTC) and redacts URLs.
     """
     same = {name: getattr(job, name) for name in JobSummary.model_fields if name != "progress"}
-    return JobSummary(**same, progress=Progress(stage=job.stage, fraction=job.fraction))
+    label = None if is_terminal(job.status) else needed_label(job.queue)
+    progress = Progress(stage=job.stage, fraction=job.fraction, needs_label=label)
+    return JobSummary(**same, progress=progress)
 
 
 def render_job(job: JobRow, blobs: BlobStore) -> bytes:

@@ -10,8 +10,10 @@ from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 
 from mpe_core.machine import available_cores, memory_limit
+from service.jobs.missing_workers import MissingWorkers
 from service.jobs.model import JobRow
 from service.jobs.queries import JobQueries
+from service.jobs.worker_slots import WorkerSlots
 from service.telemetry.tracing import STAGES
 
 DURATION_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300)
@@ -78,18 +80,20 @@ class Metrics:
             self._fetches.labels("failed" if failed else "done").inc()
 
     def watch(
-        self, jobs: JobQueries, count_workers: Callable[[], int], is_leader: Callable[[], bool]
+        self,
+        jobs: JobQueries,
+        slots: WorkerSlots,
+        missing_workers: MissingWorkers,
+        is_leader: Callable[[], bool],
     ) -> None:
         """Add gauges of the store and of the memory of this process and its workers.
 
         Parameters
         ----------
-        count_workers
-            Returns the number of registrations that all services can run at once.
         is_leader
             Returns whether this service leads those on its database.
         """
-        self.registry.register(_StateCollector(jobs, count_workers, is_leader))
+        self.registry.register(_StateCollector(jobs, slots, missing_workers, is_leader))
 
     def exposition(self) -> bytes:
         """Return all metrics as text, for a scrape."""
@@ -98,10 +102,15 @@ class Metrics:
 
 class _StateCollector(Collector):
     def __init__(
-        self, jobs: JobQueries, count_workers: Callable[[], int], is_leader: Callable[[], bool]
+        self,
+        jobs: JobQueries,
+        slots: WorkerSlots,
+        missing_workers: MissingWorkers,
+        is_leader: Callable[[], bool],
     ) -> None:
         self._jobs = jobs
-        self._count_workers = count_workers
+        self._slots = slots
+        self._missing_workers = missing_workers
         self._is_leader = is_leader
 
     def collect(self) -> Iterator[GaugeMetricFamily]:
@@ -117,7 +126,23 @@ class _StateCollector(Collector):
         yield GaugeMetricFamily(
             "mpe_workers",
             "Registrations that all services on the database can run at once.",
-            self._count_workers(),
+            self._slots.count(),
+        )
+        yield GaugeMetricFamily(
+            "mpe_service_workers",
+            "Registrations that this service can run at once.",
+            self._slots.number,
+        )
+        labelled = GaugeMetricFamily(
+            "mpe_labelled_workers", "Of mpe_workers, those that have a label.", labels=["label"]
+        )
+        for label, number in self._slots.count_by_label().items():
+            labelled.add_metric([label], number)
+        yield labelled
+        yield GaugeMetricFamily(
+            "mpe_jobs_without_worker",
+            "Waiting registrations that no running worker can take.",
+            sum(self._missing_workers.count().values()),
         )
         yield GaugeMetricFamily(
             "mpe_is_leader",

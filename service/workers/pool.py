@@ -10,6 +10,7 @@ from typing import get_args
 
 from service.jobs.claim_order import NO_LIMIT
 from service.jobs.model import JobQueue, JobRow
+from service.jobs.sizes import served_queues
 from service.jobs.transitions import JobTransitions
 from service.problems import NotReadyError
 from service.settings import Settings
@@ -55,7 +56,10 @@ class WorkerPool:
         self._running: dict[_Claim, tuple[JobRow, Child]] = {}
         self._held: set[_Claim] = set()
         self._claiming = threading.Lock()
-        self._wake = {queue: threading.Semaphore(0) for queue in get_args(JobQueue)}
+        self._queues = served_queues(settings.worker_labels)
+        wake_workers = threading.Semaphore(0)
+        self._wake = dict.fromkeys(get_args(JobQueue), wake_workers)
+        self._wake["fetch"] = threading.Semaphore(0)
         self._leaving = threading.Event()
         self._stopping = threading.Event()
         self._stopped = threading.Event()
@@ -114,7 +118,7 @@ class WorkerPool:
 
     def notify_all(self) -> None:
         """Wake all threads, because jobs may have been added."""
-        for wake in self._wake.values():
+        for wake in set(self._wake.values()):
             wake.release(max(1, len(self._threads)))
 
     def kill(self, job_id: str) -> None:
@@ -167,9 +171,11 @@ class WorkerPool:
         if not self._prepare(supervisor):
             return
         self._warm.set()
-        is_claimable = self._transitions.is_claimable("register")  # most wakes are for others
-        if not (is_claimable and self._work(supervisor, "register")):
-            self._wait_for_jobs("register")
+        for queue in self._queues:
+            is_claimable = self._transitions.is_claimable(queue)  # most wakes are for others
+            if is_claimable and self._work(supervisor, queue):
+                return
+        self._wait_for_jobs("register")
 
     def _fetch(self, supervisor: AttemptSupervisor) -> None:
         """Fetch the clouds of a job, or wait for one; a process is started where one is needed."""

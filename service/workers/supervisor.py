@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mpe_core.machine import count_oom_kills
 from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.jobs.fingerprint import hash_work
 from service.jobs.model import JobRow, Outcome
+from service.jobs.sizes import LARGE
 from service.jobs.transitions import JobTransitions
 from service.outbound import FetchPolicy, HttpCache
 from service.problems import (
@@ -69,6 +70,9 @@ SMALL_SCRATCH_BYTES = 1 << 20
 DISK_FULL = TYPE_PREFIX + DiskFullError.problem.slug
 """Type of the problem that a child answers when it cannot write."""
 
+JOB_MEMORY = TYPE_PREFIX + JobMemoryError.problem.slug
+"""Type of the problem that a child answers when it gets no more memory."""
+
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 
@@ -107,8 +111,7 @@ class AttemptSupervisor:
             except ChildLostError as lost:
                 reason = str(lost)
                 if lost.is_killed and count_oom_kills() > oom_kills:
-                    document = error_document(JobMemoryError(OUT_OF_MEMORY))
-                    _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
+                    self._end_for_memory(job, error_document(JobMemoryError(OUT_OF_MEMORY)), {})
                 elif _retry_while_unavailable(
                     lambda: self.transitions.record_lost_attempt(job, reason)
                 ):
@@ -216,7 +219,7 @@ class AttemptSupervisor:
                 is_current = is_current and self._is_current_attempt(job, message)
             if disk.is_short and count_bytes(scratch) > SMALL_SCRATCH_BYTES:
                 raise OSError(errno.ENOSPC, "too little of the disk would be left")
-            if message is not None and job.queue == "register":
+            if message is not None and job.queue != "fetch":
                 self.spare.start()  # for the next task, while this one runs
         return None
 
@@ -291,11 +294,29 @@ class AttemptSupervisor:
         """
         if isinstance(answer, Failed) and answer.problem.type == DISK_FULL:
             self._interrupt_on_full_disk(job)
+        elif isinstance(answer, Failed) and answer.problem.type == JOB_MEMORY:
+            self._end_for_memory(job, asdict(answer.problem), job.timing | answer.timing)
         elif isinstance(answer, Failed):
             problem, timing = asdict(answer.problem), job.timing | answer.timing
             _retry_while_unavailable(lambda: self.transitions.fail(job, problem, timing))
         elif answer is not None:
             raise ChildLostError(f"it answered {answer.kind!r} to another task")
+
+    def _end_for_memory(
+        self, job: JobRow, problem: dict[str, Any], timing: dict[str, float]
+    ) -> None:
+        """Queue a registration for a worker with more memory, or fail it."""
+        is_registration = job.queue != "fetch" and LARGE not in self.settings.worker_labels
+        if is_registration and _retry_while_unavailable(
+            lambda: self.transitions.retry_on_larger(job)
+        ):
+            log.warning(
+                "attempt %d ran out of memory; a worker with the label %s goes on",
+                job.attempt,
+                LARGE,
+            )
+            return
+        _retry_while_unavailable(lambda: self.transitions.fail(job, problem, timing))
 
     def _interrupt_on_full_disk(self, job: JobRow) -> None:
         """Queue the job again: there may be room later, and it is not the job's fault."""

@@ -30,7 +30,9 @@ TUS = {"Tus-Resumable": "1.0.0"}
 @pytest.fixture(scope="module")
 def settings(postgres: Postgres, s3: S3Server) -> dict[str, object]:
     database = {"database_url": postgres.new_database(), "maintenance_interval_s": 1}
-    return {**database, **s3.new_prefix(), "workers": 1, "shutdown_delay_s": 1}
+    times = {"shutdown_delay_s": 1, "lease_s": 5}
+    sizes = {"workers": 1, "large_bytes": 3 * len(CLOUD)}
+    return {**database, **times, **sizes, **s3.new_prefix()}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +55,7 @@ def second(
 def worker(
     settings: dict[str, object], tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Server]:
-    command = ("worker", "--concurrency", "1")
+    command = ("worker", "--concurrency", "1", "--labels", "large,gpu")
     with running_server(tmp_path_factory.mktemp("worker"), command=command, **settings) as running:
         yield running
 
@@ -69,7 +71,9 @@ def test_what_one_has_another_answers(first: Server, second: Server) -> None:
 
 
 def test_any_service_tells_of_all_workers(first: Server, worker: Server) -> None:
-    assert first.client.get("/v1/capacity").json()["workers"] == 1
+    capacity = first.client.get("/v1/capacity").json()
+    assert (capacity["workers"], capacity["labels"]) == (1, {"gpu": 1, "large": 1})
+    assert first.client.get("/readyz").json() == {"status": "ok", "warnings": []}
     assert worker.client.get("/metrics").status_code == 200
     assert worker.client.get(JOBS).status_code == 404
 
@@ -77,7 +81,9 @@ def test_any_service_tells_of_all_workers(first: Server, worker: Server) -> None
 def test_cancel_ends_the_process_of_the_worker(
     first: Server, second: Server, worker: Server
 ) -> None:
-    job_id = first.submit(*slow_pair(), options=SLOW).json()["id"]
+    job = first.submit(*slow_pair(), options=SLOW).json()
+    job_id, needed = job["id"], job["progress"]["needs_label"]
+    assert needed == "large"
     until(lambda: workers(worker))
     assert second.client.delete(f"{JOBS}/{job_id}").json()["status"] == "cancelled"
     until(lambda: not workers(worker))
@@ -118,7 +124,7 @@ def test_a_result_is_reused(first: Server, second: Server) -> None:
 
 def test_when_a_worker_is_killed_nothing_is_lost(first: Server, worker: Server) -> None:
     """Last in this file: the lease of the attempt has to end first."""
-    cloud = as_npy(arms(8, 100_000))
+    cloud = as_npy(arms(8, 30_000))
     job_id = first.submit(cloud, cloud).json()["id"]
     until(lambda: workers(worker))
     worker.kill()

@@ -139,7 +139,7 @@ def test_eight_clients_at_once(server: Server) -> None:
 
 def test_health(server: Server) -> None:
     assert server.client.get("/livez").json() == {"status": "ok"}
-    assert server.client.get("/readyz").json() == {"status": "ok"}
+    assert server.client.get("/readyz").json() == {"status": "ok", "warnings": []}
 
 
 def test_served_description_is_the_committed_one(server: Server) -> None:

@@ -24,6 +24,7 @@ def open_transitions(
     *listeners: JobListener,
     queue_limit: int = 100,
     is_stored: Callable[[str], bool] = lambda sha256: True,
+    large_bytes: int | None = None,
 ) -> JobTransitions:
     """Transitions of jobs that are kept for a minute or two; all blobs are on the disk."""
     retention = Retention(result_s=60, job_s=120)
@@ -32,6 +33,7 @@ def open_transitions(
         queue_limit=queue_limit,
         retention=retention,
         is_stored=is_stored,
+        large_bytes=large_bytes,
         listeners=listeners,
     )
 

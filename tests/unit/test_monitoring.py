@@ -37,7 +37,9 @@ def known() -> dict[str, set[str]]:
     metrics = Metrics()
     counts = dict.fromkeys(JOB_STATUSES, 0)
     jobs: Any = SimpleNamespace(count_by_status=lambda: counts, queue_age_s=lambda: 0.0)
-    metrics.watch(jobs, lambda: 0, lambda: False)
+    slots: Any = SimpleNamespace(count=lambda: 0, number=0, count_by_label=lambda: {"large": 1})
+    missing: Any = SimpleNamespace(count=dict)
+    metrics.watch(jobs, slots, missing, lambda: False)
     labels = {
         each._name: set(each._labelnames)
         for each in vars(metrics).values()

@@ -36,10 +36,10 @@ async def readyz(runtime: CurrentRuntime) -> Health:
         raise OverloadedError("Too little disk is left; retry later.")
     try:
         async with asyncio.timeout(DATABASE_TIMEOUT_S):
-            await _PROBES.run(lambda: runtime.jobs.count("queued"), abandon=True)
+            warnings = await _PROBES.run(runtime.missing_workers.describe, abandon=True)
     except TimeoutError:
         raise NotReadyError("The database does not answer; retry later.") from None
-    return Health()
+    return Health(warnings=warnings)
 
 
 @router.get(
@@ -58,14 +58,18 @@ def metrics(runtime: CurrentRuntime) -> Response:
 def capacity(runtime: CurrentRuntime, caller: CurrentCaller) -> Capacity:
     """Return workers, queue, limits, and the usage of the caller's tenant."""
     settings, limits = runtime.settings, caller.limits
-    running, workers = runtime.jobs.count("running", queue="register"), runtime.slots.count()
+    fetching = runtime.jobs.count("running", queue="fetch")
+    running, workers = runtime.jobs.count("running") - fetching, runtime.slots.count()
     return Capacity(
         workers=workers,
+        labels=runtime.slots.count_by_label(),
         threads_per_worker=settings.threads,
         running=running,
         free=max(0, workers - running),
         queued=runtime.jobs.count("queued"),
         queue_limit=settings.queue_limit,
+        warnings=runtime.missing_workers.describe(),
+        large_bytes=settings.large_bytes,
         max_body_bytes=settings.max_body_bytes,
         max_wait_s=settings.max_wait_s,
         job_timeout_s=settings.job_timeout_s,

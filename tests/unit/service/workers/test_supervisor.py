@@ -13,10 +13,11 @@ from typing import Any, cast, get_args
 import pytest
 
 from service.clouds.inputs import CloudInput
-from service.database.engine import open_database
+from service.database.engine import Database, open_database
 from service.jobs.model import JobQueue, JobRow
 from service.jobs.queries import JobQueries
 from service.jobs.transitions import MAX_LOST_ATTEMPTS, JobTransitions
+from service.jobs.worker_slots import WorkerSlots
 from service.problems import NotReadyError, error_document
 from service.settings import Settings
 from service.storage.blobs import BlobStore
@@ -50,6 +51,7 @@ FAILED = Failed(Problem("urn:mpe:problem:cloud-shape", "No cloud", 422, "too fla
 class Attempts:
     """A store with one job, and a supervisor whose children say what the test wants."""
 
+    database: Database
     jobs: JobQueries
     transitions: JobTransitions
     blobs: BlobStore
@@ -103,7 +105,7 @@ def attempts(tmp_path: Path) -> Iterator[Attempts]:
     assert HERE.sha256 is not None
     blobs.path(HERE.sha256).parent.mkdir()
     blobs.path(HERE.sha256).write_bytes(b"1 2")
-    yield Attempts(JobQueries(database), transitions, blobs, settings)
+    yield Attempts(database, JobQueries(database), transitions, blobs, settings)
     database.close()
 
 
@@ -244,6 +246,18 @@ def test_a_job_that_the_kernel_ends_for_want_of_memory_says_so(
     assert job.error is not None
     assert job.error["type"] == "urn:mpe:problem:job-memory"
     assert "MPE_WORKERS" in job.error["detail"]
+
+
+@pytest.mark.parametrize("labels", [(), ("large",)])
+def test_a_job_without_memory_goes_to_a_larger_worker_unless_it_was_on_one(
+    attempts: Attempts, labels: tuple[str, ...]
+) -> None:
+    attempts.settings = attempts.settings.model_copy(update={"worker_labels": labels})
+    WorkerSlots(attempts.database, 1, ["large"]).announce()
+    attempts.add()
+    job = attempts.run([Failed(Problem(module.JOB_MEMORY, "Memory", 507, "too much"), {})])
+    expected = ("failed", "register") if labels else ("queued", "large")
+    assert (job.status, job.queue) == expected
 
 
 def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> None:

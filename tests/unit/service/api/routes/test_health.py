@@ -12,7 +12,7 @@ import pytest
 from anyio import to_thread
 
 from service.api.routes import health
-from service.jobs.queries import JobQueries
+from service.jobs.missing_workers import MissingWorkers
 from service.runtime import Runtime
 from tests.factories.api import on_api
 
@@ -44,7 +44,7 @@ def test_a_database_that_does_not_answer_is_not_ready(
         def hang(*_: object) -> None:
             release.wait(20)
 
-        with mock.patch.object(JobQueries, "count", hang):
+        with mock.patch.object(MissingWorkers, "describe", hang):
             assert (await client.get("/readyz")).status_code == 503
             assert (await client.get("/livez")).status_code == 200
             release.set()
