@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.errors import TooManyPointsError, TruncatedFileError
+from service.formats.errors import FileLimitError, TooManyPointsError, TruncatedFileError
 from service.formats.las_metadata import LasMetadata, LasRecord
 
 
@@ -65,6 +66,8 @@ POINT_BYTES = 320
 (docs/tuning.md)."""
 PROCESS_BYTES = 800 << 20
 """Memory of a process that registers two clouds without points."""
+_DECODING_BYTES = 8
+"""Memory for a byte of a file that is decoded as a whole, a mesh in XML (docs/tuning.md)."""
 _MAX_POINTS_PER_BYTE = 100
 """Points in a byte of a compressed file; real clouds have less than one."""
 _MIN_DENSE_POINTS = 10_000_000
@@ -91,6 +94,11 @@ class ReadLimits:
     """Ratio of expanded to compressed bytes; real clouds stay below 20."""
     min_free_disk_bytes: int = 0
     """Bytes of the disk that an expansion leaves free."""
+
+    @property
+    def max_whole_bytes(self) -> int:
+        """Bytes of a file that is decoded as a whole: its decoding takes half of the memory."""
+        return POINT_BYTES // 2 // _DECODING_BYTES * self.max_points
 
     @classmethod
     def within(cls, memory_bytes: int, *, min_free_disk_bytes: int = 0) -> Self:
@@ -128,6 +136,23 @@ def check_count(count: int, row_bytes: int, available: int, at: str, limits: Rea
         raise TruncatedFileError(
             f"{at}: {count} points need at least {count * row_bytes} bytes, "
             f"but only {available} follow; is the file complete?"
+        )
+
+
+def check_whole_size(path: Path, limits: ReadLimits) -> None:
+    """Refuse a file that is decoded as a whole, and too large for the memory allowed.
+
+    Raises
+    ------
+    FileLimitError
+        The file is larger than ``limits.max_whole_bytes``.
+    """
+    size = path.stat().st_size
+    if size > limits.max_whole_bytes:
+        raise FileLimitError(
+            f"{size} bytes; files of this format are decoded as a whole, for which the memory "
+            f"allowed is enough up to {limits.max_whole_bytes} bytes: save it as binary PLY, which "
+            "is read in pieces"
         )
 
 

@@ -10,14 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.colors import RGB
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, check_density
+from service.formats.decoded_cloud import (
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    check_density,
+    check_whole_size,
+)
 from service.formats.errors import (
     MalformedFileError,
     TruncatedFileError,
     UnsupportedFileError,
     short_reason,
 )
-from service.formats.faces import check_faces
+from service.formats.faces import check_face_count, check_faces
 from service.formats.libraries import import_library
 
 MAGIC = b"DRACO"
@@ -47,6 +53,7 @@ def read(
     CloudFileError
         The file is damaged.
     """
+    check_whole_size(path, limits)
     content = path.read_bytes()
     mesh = decode_draco(content, limits)
     points = np.asarray(mesh.points)
@@ -86,6 +93,8 @@ def decode_draco(content: bytes, limits: ReadLimits) -> Any:
         raise MalformedFileError(f"the positions have the shape {points.shape}; expected (N, 3)")
     check_density(len(points), len(content), "the points")
     check_count(len(points), 0, 0, "the points", limits)
+    if content[7] == _IS_MESH:
+        check_face_count(len(points), len(mesh.faces), limits)
     return mesh
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.errors import MalformedFileError
+from service.formats.decoded_cloud import ReadLimits
+from service.formats.errors import FileLimitError, MalformedFileError
 
 LARGE_MESH_WARNING = "the faces are not kept, because the file is large: its vertices are taken"
 
@@ -34,6 +35,23 @@ def triangulate(corners: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray
         fans = np.stack([first, polygons[:, second], polygons[:, second + 1]], axis=2)
         parts.append(fans.reshape(-1, 3))
     return np.concatenate(parts)
+
+
+def check_face_count(points: int, faces: int, limits: ReadLimits) -> None:
+    """Refuse a mesh whose points and faces are together more than the limit of points.
+
+    A face takes as much memory as a point until samples of it are taken (docs/tuning.md).
+
+    Raises
+    ------
+    FileLimitError
+        There are too many.
+    """
+    if points + faces > limits.max_points:
+        raise FileLimitError(
+            f"{points} vertices and {faces} faces; the limit for both together is "
+            f"{limits.max_points}: give more memory, or reduce the mesh"
+        )
 
 
 def check_faces(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:

@@ -138,10 +138,14 @@ class _Reader:
     def expand(self, data: memoryview) -> memoryview:
         """Expand a compressed element within the limit."""
         allowed = max(_MIN_ALLOWED_BYTES, self.limits.max_expansion * len(data))
+        allowed = min(allowed, _VALUES_PER_POINT * 8 * self.limits.max_points)
         machine = zlib.decompressobj()
         expanded = machine.decompress(data, allowed)
         if machine.unconsumed_tail:
-            raise FileLimitError(f"a matrix expands to more than {allowed} bytes")
+            raise FileLimitError(
+                f"a matrix expands to more than {allowed} bytes, the limit for its size and the "
+                "memory allowed"
+            )
         return memoryview(expanded)
 
     def collect(

@@ -40,6 +40,7 @@ EXCLUSIVE_CHOICES: tuple[ReadChoice, ...] = ("scan", "columns", "array")
 """Choices that are an error for a format without them."""
 _MAYBE_DEGREES = ("las", "laz", "xyz")
 """Formats of surveys, which may hold longitude and latitude."""
+_READ_IN_PIECES = f"files of {', '.join(each.name for each in FORMATS if each.read_pieces)}"
 ReadChoices = dict[str, int | str | None]
 _UNLIMITED = 1 << 62
 """Points of a file that is read in pieces."""
@@ -241,9 +242,8 @@ def _read(
         yield format.read(path, limits, **chosen)
     except TooManyPointsError as error:
         if format.read_pieces is None:
-            names = ", ".join(each.name for each in FORMATS if each.read_pieces)
             raise TooManyPointsError(
-                f"read as {format.name}: {error}; files of {names} may be larger: they are "
+                f"read as {format.name}: {error}; {_READ_IN_PIECES} may be larger: they are "
                 "thinned while they are read"
             ) from None
     except CloudFileError as error:

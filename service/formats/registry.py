@@ -28,7 +28,7 @@ from service.formats import (
     xyz,
 )
 from service.formats.decoded_cloud import DecodedCloud
-from service.formats.mesh import gltf
+from service.formats.mesh import gltf, stl
 from service.formats.mesh import text as mesh_text
 from service.formats.vtk import xml as vtk_xml
 
@@ -177,9 +177,10 @@ FORMATS = (
         "stl",
         "STL, binary and ASCII: the surface, or the vertices",
         (".stl",),
-        mesh.sniff_stl,
-        mesh.read_stl,
+        stl.sniff,
+        stl.read,
         ("faces", "attributes"),
+        read_pieces=stl.read_pieces,
     ),
     Format(
         "obj",
@@ -188,6 +189,7 @@ FORMATS = (
         mesh_text.sniff_obj,
         mesh_text.read_obj,
         ("faces", "attributes"),
+        read_pieces=mesh_text.read_obj_pieces,
     ),
     Format(
         "off",
@@ -196,6 +198,7 @@ FORMATS = (
         mesh_text.sniff_off,
         mesh_text.read_off,
         ("faces",),
+        read_pieces=mesh_text.read_off_pieces,
     ),
     Format(
         "zip",

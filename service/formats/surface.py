@@ -64,9 +64,10 @@ def read_surface(
         return replace(cloud, warnings=(*cloud.warnings, _few_faces(cloud)))
     if shares is None:
         if surface_samples is not None:
+            lost = "".join(f" ({text})" for text in cloud.warnings if text.startswith("the faces"))
             raise MalformedFileError(
                 f"surface_samples is {surface_samples}, but the file, read as {cloud.format}, has "
-                "no faces with an area: leave surface_samples out, or set it to 0"
+                f"no faces with an area{lost}: leave surface_samples out, or set it to 0"
             )
         return cloud
     most = (limits or ReadLimits()).max_points

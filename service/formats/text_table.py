@@ -178,7 +178,12 @@ def skip_lines(path: Path, offset: int, count: int) -> int:
 
 
 def iter_columns(
-    text: TextBlock, columns: Sequence[int], limits: ReadLimits, *, rows: int
+    text: TextBlock,
+    columns: Sequence[int],
+    limits: ReadLimits,
+    *,
+    rows: int | None = None,
+    dialect: Dialect = PLAIN,
 ) -> Iterator[NDArray[np.float64]]:
     """Parse as `read_columns` does, in consecutive pieces.
 
@@ -187,16 +192,17 @@ def iter_columns(
     CloudFileError
         As `read_columns`.
     """
-    cleaner = TableCleaner(PLAIN, columns, accepts_commas=False)
-    left = rows
+    cleaner = TableCleaner(dialect, columns, accepts_commas=False)
+    got = 0
     for block in split_text(text, limits):
+        left = None if rows is None else rows - got
         if left == 0:
             return
-        table = read_block(block, columns, limits, rows=left, dialect=PLAIN, cleaner=cleaner)
-        left -= len(table)
+        table = read_block(block, columns, limits, rows=left, dialect=dialect, cleaner=cleaner)
+        got += len(table)
         yield table
-    if left:
-        raise TruncatedFileError(f"the file ends after {rows - left} of {rows} announced rows")
+    if rows is not None and got < rows:
+        raise TruncatedFileError(f"the file ends after {got} of {rows} announced rows")
 
 
 def read_block(

@@ -1,9 +1,8 @@
-"""Meshes (STL, OBJ, OFF, glTF): their vertices and faces."""
+"""Meshes (STL, OBJ, OFF, glTF): their vertices and faces; here glTF."""
 
 from __future__ import annotations
 
 import io
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -11,77 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.colors import RGB
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
-from service.formats.errors import (
-    MalformedFileError,
-    TruncatedFileError,
-    short_reason,
+from service.formats.decoded_cloud import (
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    check_whole_size,
 )
+from service.formats.errors import MalformedFileError, short_reason
 from service.formats.faces import check_faces
 from service.formats.libraries import import_library
 from service.formats.mesh.gltf import check_gltf
 from service.formats.mesh.gltf_draco import without_draco
-
-_STL_HEADER_BYTES, _STL_ROW_BYTES = 84, 50
-_SNIFFED_TRIANGLES = 20
-_MIN_COORDINATE = 1e-30
-"""Magnitude below which a number is no rounding noise, but an integer read as float."""
-_MAX_COORDINATE = 1e12
-"""Magnitude that a coordinate may have; a quarter of random floats are in the range."""
-
-
-def sniff_stl(head: bytes) -> bool:
-    """Whether it is an ASCII solid, or the first triangles of a binary one are plausible."""
-    if b"\0" not in head:  # text, or a binary file of more triangles than are read
-        return _is_ascii_stl(head)
-    body = head[_STL_HEADER_BYTES:]
-    rows = min(len(body) // _STL_ROW_BYTES, _SNIFFED_TRIANGLES)
-    if rows == 0 or struct.unpack_from("<I", head, 80)[0] < rows:
-        return False
-    layout = np.dtype([("floats", "<f4", 12), ("attribute", "<u2")])
-    floats = np.frombuffer(body, layout, rows)["floats"]
-    with np.errstate(invalid="ignore"):
-        sizes = np.abs(floats)
-        plausible = (sizes < _MAX_COORDINATE) & ((sizes > _MIN_COORDINATE) | (sizes == 0))
-    return bool(plausible.all() and (floats[:, 3:] != 0).any())
-
-
-def _is_ascii_stl(head: bytes) -> bool:
-    """Whether it begins with a solid of facets, in letters of either case."""
-    return head.lstrip()[:5].lower() == b"solid" and b"facet" in head.lower()
-
-
-def read_stl(
-    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
-) -> DecodedCloud:
-    """Read the corners of an STL file, equal ones merged."""
-    _check_stl(path, limits)
-    return _read_mesh(path, limits, "stl", attributes=attributes, faces=faces)
 
 
 def read_gltf(
     path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> DecodedCloud:
     """Read the meshes of a glTF 2.0 file (.glb, or .gltf with embedded data), placed by nodes."""
+    check_whole_size(path, limits)
     with without_draco(path, limits) as plain:
-        kind = check_gltf(plain, limits)
-        return _read_mesh(plain, limits, kind, attributes=attributes, faces=faces)
-
-
-def _read_mesh(
-    path: Path, limits: ReadLimits, kind: str, *, attributes: bool, faces: bool
-) -> DecodedCloud:
-    points, triangles, kept = _load(path, kind)
+        points, triangles, kept = _load(plain, check_gltf(plain, limits))
     if len(points) == 0:
         raise MalformedFileError("the mesh has no vertices")
     check_count(len(points), 0, 0, "the vertices", limits)
-    if kind == "stl":
-        points, places = _unique_rows(points)
-        triangles = places[triangles]
     triangles = check_faces(triangles, len(points))
     return DecodedCloud(
         points,
-        "gltf" if kind == "glb" else kind,
+        "gltf",
         attributes=kept if attributes else {},
         faces=triangles if faces and len(triangles) else None,
     )
@@ -128,34 +83,3 @@ def _part_attributes(part: Any, count: int) -> dict[str, NDArray[np.generic]]:
         if values.shape in ((count,), (count, 1)) and values.dtype.kind in "biuf":
             found[str(name).removeprefix("_")] = values.reshape(-1)
     return found
-
-
-def _unique_rows(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Remove repeated rows; the first of each is kept, in order.
-
-    Returns
-    -------
-    tuple[NDArray[np.float64], NDArray[np.int64]]
-        The rows, and the place of each given row among them.
-    """
-    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    places = np.empty(len(first), np.int64)
-    places[np.argsort(first)] = np.arange(len(first))
-    return vertices[np.sort(first)], places[inverse.ravel()]
-
-
-def _check_stl(path: Path, limits: ReadLimits) -> None:
-    """Check that a binary file holds the announced triangles, and that an ASCII file ends."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(1024)
-        file.seek(max(0, size - 1024))
-        tail = file.read()
-    if _is_ascii_stl(head):
-        if b"endsolid" not in tail.lower():
-            raise TruncatedFileError(f"byte {size}: the file ends before 'endsolid'")
-        return
-    count = struct.unpack_from("<I", head, 80)[0] if len(head) >= _STL_HEADER_BYTES else 0
-    check_count(3 * count, 0, 0, "byte 80", limits)
-    if _STL_HEADER_BYTES + _STL_ROW_BYTES * count > size:
-        raise TruncatedFileError(f"byte 80: {count} triangles do not fit into {size} bytes")

@@ -15,6 +15,7 @@ from service.formats.errors import (
     TruncatedFileError,
     UnsupportedFileError,
 )
+from service.formats.faces import check_face_count
 
 MAGIC = b"glTF"
 _TOP_LEVEL_KEYS = (b"asset", b"accessors", b"buffers", b"bufferViews", b"meshes")
@@ -100,7 +101,9 @@ def _check_document(document: dict[str, Any], size: int, limits: ReadLimits) -> 
             f"{len(nodes)} nodes: too many (the limit is {_MAX_NODES}), or one has two parents"
         )
     _check_depth(nodes, set(children))
-    check_count(_count_placed_vertices(document, nodes), 0, 0, "the nodes", limits)
+    vertices, corners = _count_placed(document, nodes)
+    check_count(vertices, 0, 0, "the nodes", limits)
+    check_face_count(vertices, corners // 3, limits)
 
 
 def _check_depth(nodes: list[dict[str, Any]], children: set[int]) -> None:
@@ -116,11 +119,20 @@ def _check_depth(nodes: list[dict[str, Any]], children: set[int]) -> None:
     raise FileLimitError(f"the nodes are nested deeper than {_MAX_DEPTH} levels")
 
 
-def _count_placed_vertices(document: dict[str, Any], nodes: list[dict[str, Any]]) -> int:
-    """Count the vertices of all meshes, each as often as nodes place it."""
+def _count_placed(document: dict[str, Any], nodes: list[dict[str, Any]]) -> tuple[int, int]:
+    """Count the vertices and corners of all meshes, each as often as nodes place it."""
     accessors = document.get("accessors", [])
-    sizes = [
-        sum(accessors[part["attributes"]["POSITION"]]["count"] for part in mesh["primitives"])
-        for mesh in document.get("meshes", [])
-    ]
-    return sum(sizes[node["mesh"]] for node in nodes if "mesh" in node)
+    meshes = document.get("meshes", [])
+    vertices, corners = (
+        [sum(accessors[part]["count"] for part in _parts(mesh, kind)) for mesh in meshes]
+        for kind in ("POSITION", "indices")
+    )
+    placed = [node["mesh"] for node in nodes if "mesh" in node]
+    return sum(vertices[mesh] for mesh in placed), sum(corners[mesh] for mesh in placed)
+
+
+def _parts(mesh: dict[str, Any], kind: str) -> list[int]:
+    """Return the accessors of the positions, or of the indices, of the parts of a mesh."""
+    if kind == "POSITION":
+        return [part["attributes"]["POSITION"] for part in mesh["primitives"]]
+    return [part["indices"] for part in mesh["primitives"] if "indices" in part]

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from service.formats.colors import RGB
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
-from service.formats.mesh.text_faces import read_obj_colors, read_obj_faces, read_off_faces
+from service.formats.faces import LARGE_MESH_WARNING
+from service.formats.mesh.text_faces import (
+    has_colors,
+    read_obj_colors,
+    read_obj_faces,
+    read_off_faces,
+)
 from service.formats.numerals import significant_line
-from service.formats.text_table import Dialect, read_columns, read_head_lines
+from service.formats.text_table import (
+    Dialect,
+    TextBlock,
+    iter_columns,
+    read_columns,
+    read_head_lines,
+)
 
 _OBJ_KEYWORDS = {b"v", b"vn", b"vt", b"vp", b"o", b"g", b"s", b"f", b"l", b"mtllib", b"usemtl"}
 _OFF_WORD = re.compile(r"(?:(?:ST)?C?N?OFF|off)(\d{0,18})")
@@ -59,9 +75,21 @@ def read_obj(
     if attributes:
         cloud = replace(cloud, attributes=read_obj_colors(path, len(points), limits))
     if faces:
-        triangles, warnings = read_obj_faces(path, len(points), warns_of_others=attributes)
+        triangles, warnings = read_obj_faces(path, len(points), limits, warns_of_others=attributes)
         cloud = replace(cloud, faces=triangles, warnings=warnings)
     return cloud
+
+
+def read_obj_pieces(
+    path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read_obj` does, in consecutive pieces; `faces` are not kept."""
+    columns = (1, 2, 3, 4, 5, 6) if attributes and has_colors(path) else (1, 2, 3)
+    text = TextBlock(path, 0, path.stat().st_size, 1)
+    for table in iter_columns(text, columns, limits, dialect=Dialect(keyword="v")):
+        kept = dict(zip(RGB, table.T[3:], strict=False))
+        yield DecodedCloud(table[:, :3], "obj", attributes=kept)
+    yield DecodedCloud(np.empty((0, 3)), "obj", (LARGE_MESH_WARNING,) if faces else ())
 
 
 def read_off(path: Path, limits: ReadLimits, *, faces: bool = False) -> DecodedCloud:
@@ -72,6 +100,28 @@ def read_off(path: Path, limits: ReadLimits, *, faces: bool = False) -> DecodedC
     CloudFileError
         The file is malformed; the message names the line.
     """
+    offset, line, count, face_count = _read_counts(path, limits)
+    points = read_columns(path, offset, line, (0, 1, 2), limits, rows=count)
+    if not faces:
+        return DecodedCloud(points, "off")
+    triangles, warnings = read_off_faces(path, offset, count, face_count, limits)
+    return DecodedCloud(points, "off", warnings, faces=triangles)
+
+
+def read_off_pieces(
+    path: Path, limits: ReadLimits, *, faces: bool = False
+) -> Iterator[DecodedCloud]:
+    """Read as `read_off` does, in consecutive pieces; `faces` are not kept."""
+    offset, line, count, face_count = _read_counts(path, limits)
+    text = TextBlock(path, offset, path.stat().st_size, line)
+    for points in iter_columns(text, (0, 1, 2), limits, rows=count):
+        yield DecodedCloud(points, "off")
+    warnings = (LARGE_MESH_WARNING,) if faces and face_count else ()
+    yield DecodedCloud(np.empty((0, 3)), "off", warnings)
+
+
+def _read_counts(path: Path, limits: ReadLimits) -> tuple[int, int, int, int]:
+    """Return byte and line of the first vertex, and the numbers of vertices and faces."""
     counts: list[str] = []
     lines = read_head_lines(path, limits)
     number = 0
@@ -89,8 +139,4 @@ def read_off(path: Path, limits: ReadLimits, *, faces: bool = False) -> DecodedC
         )
     offset, count = sum(len(line) + 1 for line in lines[:number]), int(counts[0])
     check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
-    points = read_columns(path, offset, number + 1, (0, 1, 2), limits, rows=count)
-    if not faces:
-        return DecodedCloud(points, "off")
-    triangles, warnings = read_off_faces(path, offset, count, int(counts[1]))
-    return DecodedCloud(points, "off", warnings, faces=triangles)
+    return offset, number + 1, count, int(counts[1])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from service.formats.colors import RGB
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import CloudFileError
-from service.formats.faces import check_faces, triangulate
+from service.formats.faces import check_face_count, check_faces, triangulate
 from service.formats.text_table import Dialect, read_columns
 
 _MAX_LINE_BYTES = 1 << 16
@@ -21,7 +21,7 @@ _MAX_LINE_BYTES = 1 << 16
 
 def read_obj_colors(path: Path, count: int, limits: ReadLimits) -> dict[str, NDArray[np.generic]]:
     """Read the colours behind the `count` vertices, where each vertex has them."""
-    if not _has_colors(path):
+    if not has_colors(path):
         return {}
     try:
         table = read_columns(path, 0, 1, (4, 5, 6), limits, dialect=Dialect(keyword="v"))
@@ -31,7 +31,7 @@ def read_obj_colors(path: Path, count: int, limits: ReadLimits) -> dict[str, NDA
 
 
 def read_obj_faces(
-    path: Path, count: int, *, warns_of_others: bool
+    path: Path, count: int, limits: ReadLimits, *, warns_of_others: bool
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
     """Read the faces at the `count` vertices, with warnings of what is not kept."""
     seen = 0
@@ -47,6 +47,7 @@ def read_obj_faces(
                 found = [int(word.split("/", 1)[0]) for word in words[1:]]
                 corners.extend(seen + item if item < 0 else item - 1 for item in found)
                 sizes.append(len(found))
+                check_face_count(count, len(sizes), limits)
             elif words[0] in ("vn", "vt", "l", "p"):
                 others.add(words[0])
         faces = _to_faces(corners, sizes, count)
@@ -58,12 +59,13 @@ def read_obj_faces(
 
 
 def read_off_faces(
-    path: Path, offset: int, vertices: int, count: int
+    path: Path, offset: int, vertices: int, count: int, limits: ReadLimits
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
     """Read the faces after the vertices, which begin at `offset`."""
     rows = islice(_lines(path, offset), vertices, vertices + count)
     corners, sizes = array("q"), array("q")
     try:
+        check_face_count(vertices, count, limits)
         for words in rows:
             size = int(words[0])
             corners.extend(int(word) for word in words[1 : size + 1])
@@ -91,6 +93,6 @@ def _lines(path: Path, offset: int = 0) -> Iterator[list[str]]:
                 yield words
 
 
-def _has_colors(path: Path) -> bool:
+def has_colors(path: Path) -> bool:
     """Whether the first vertex has six numbers."""
     return next((len(words) == 7 for words in _lines(path) if words[0] == "v"), False)

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import CloudFileError, MalformedFileError
-from service.formats.faces import check_faces, triangulate
+from service.formats.faces import check_face_count, check_faces, triangulate
 from service.formats.memory_map import map_file
 from service.formats.ply.header import PlyElement, PlyHeader
 from service.formats.ply.rows import read_lists, read_rows
 
 _LISTS = ("vertex_indices", "vertex_index")
-_MAX_FACES_PER_POINT = 4
-"""Faces for each point of the limit; closed meshes have two triangles a vertex."""
 
 
 def read_faces(
@@ -33,8 +31,9 @@ def read_faces(
     lists = [item.name for item in element.properties if item.count_type]
     wanted = next((name for name in lists if name in _LISTS), None)
     try:
-        if wanted is None or element.count > _MAX_FACES_PER_POINT * limits.max_points:
+        if wanted is None:
             raise MalformedFileError(f"{element.count} faces with the lists {lists[:9]}")
+        check_face_count(header.elements[names.index("vertex")].count, element.count, limits)
         read = _read_binary if header.order else _read_ascii
         corners, sizes = read(path, header, place, wanted, limits)
         count = header.elements[names.index("vertex")].count

@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, iter_ranges, join_pieces
 from service.formats.errors import CloudFileError
-from service.formats.faces import LARGE_MESH_WARNING, check_faces, triangulate
+from service.formats.faces import (
+    LARGE_MESH_WARNING,
+    check_face_count,
+    check_faces,
+    triangulate,
+)
 from service.formats.vtk.cells import (
-    check_corners,
     cut_cells,
     cut_strips,
     split_lists,
@@ -23,6 +27,8 @@ from service.formats.vtk.columns import name_columns
 from service.formats.vtk.layout import CellLists, Column, Layout, read_layout
 
 MAGIC = b"# vtk DataFile"
+_CORNERS_PER_FACE = 3
+"""Numbers of the list of a face, at least."""
 
 
 def read(
@@ -104,6 +110,6 @@ def _read_lists(
 def _integers(layout: Layout, column: Column | None, limits: ReadLimits) -> NDArray[np.int64]:
     if column is None:
         return np.empty(0, np.int64)
-    check_corners(column.rows, limits)
+    check_face_count(layout.count, column.rows // _CORNERS_PER_FACE, limits)
     numbers = layout.start.copy(column.at).rows(column.rows, 1, column.kind)
     return numbers.ravel().astype(np.int64)

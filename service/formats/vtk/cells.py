@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import ReadLimits
-from service.formats.errors import FileLimitError, MalformedFileError, UnsupportedFileError
+from service.formats.errors import MalformedFileError, UnsupportedFileError
 from service.formats.faces import check_faces, triangulate
 
 Corners = NDArray[np.int64]
-_MAX_CORNERS_PER_POINT = 16
-"""Corners of cells for each point of the limit; closed meshes have six a vertex."""
 _STRIP, _POLYGON = 6, 7
 _WITHOUT_AREA = frozenset((0, 1, 2, 3, 4, 21, 35))
 """Empty cells, points and lines."""
@@ -28,19 +25,6 @@ _SOLID: dict[int, tuple[tuple[int, ...], ...]] = {
     **{13: _WEDGE, 26: _WEDGE, 31: _WEDGE, 32: _WEDGE, 14: _PYRAMID, 27: _PYRAMID},
 }
 """Corners of the sides of solid cells by type; middle nodes of those of second order are left."""
-
-
-def check_corners(count: int, limits: ReadLimits) -> None:
-    """Refuse cells of too many numbers for the memory allowed.
-
-    Raises
-    ------
-    FileLimitError
-        There are more than _MAX_CORNERS_PER_POINT for each point of the limit.
-    """
-    most = _MAX_CORNERS_PER_POINT * limits.max_points
-    if count > most:
-        raise FileLimitError(f"cells of {count} numbers; the limit is {most}")
 
 
 def split_lists(numbers: Corners, count: int) -> tuple[Corners, Corners]:

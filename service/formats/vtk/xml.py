@@ -10,7 +10,12 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
+from service.formats.decoded_cloud import (
+    DecodedCloud,
+    ReadLimits,
+    check_count,
+    check_whole_size,
+)
 from service.formats.errors import (
     CloudFileError,
     MalformedFileError,
@@ -42,6 +47,7 @@ def read(
     CloudFileError
         The file is damaged, or of a kind without points of its own.
     """
+    check_whole_size(path, limits)
     content = path.read_bytes()
     found = _APPENDED.search(content)
     root = _parse(content if found is None else content[: found.start()] + b"</VTKFile>")

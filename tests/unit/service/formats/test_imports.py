@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.factories.cloud_files import ply
-from tests.factories.scanner_files import e57, las, obj, stl_ascii
+from tests.factories.scanner_files import e57, glb, las, obj, off
 
 PROJECT = Path(__file__).parents[4]
 LIBRARY = {"mpe_core", "service", "numpy", "scipy", "numba", "llvmlite"}
@@ -69,7 +69,7 @@ def test_dependencies_are_those_of_the_library() -> None:
 LIBRARIES = {
     "laspy": las(),
     "pye57": e57(),
-    "trimesh": stl_ascii(),
+    "trimesh": glb(),
 }
 
 
@@ -88,7 +88,7 @@ def test_a_missing_library_is_named_with_the_extra(tmp_path: Path, library: str)
     assert "pip install 'mpe[service]'" in words
 
 
-@pytest.mark.parametrize("content", [ply(), obj()], ids=["ply", "obj"])
+@pytest.mark.parametrize("content", [ply(), obj(), off()], ids=["ply", "obj", "off"])
 def test_other_formats_need_no_library(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "cloud").write_bytes(content)
     program = HIDE.format(missing=set(LIBRARIES)) + (

@@ -24,6 +24,7 @@ from service.formats import (
 from service.formats.thinning import thin_pieces
 from tests.factories.array_files import hdf5, matlab_73
 from tests.factories.cloud_files import lzf_literals, npy
+from tests.factories.scanner_files import vtp
 
 COUNT, LIMIT = 3000, 400
 LIMITS = ReadLimits(max_points=LIMIT)
@@ -139,6 +140,15 @@ def ascii_vtk(path: Path, cloud: DecodedCloud) -> None:
     vtk(path, cloud, "ASCII")
 
 
+def obj(path: Path, cloud: DecodedCloud) -> None:
+    path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in cloud.points.tolist()))
+
+
+def off(path: Path, cloud: DecodedCloud) -> None:
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in cloud.points.tolist())
+    path.write_text(f"OFF\n{COUNT} 1 0\n{rows}3 0 1 2\n")
+
+
 def npy_table(path: Path, cloud: DecodedCloud, order: str = "C") -> None:
     table = np.column_stack([cloud.points, cloud.attributes["intensity"]])
     path.write_bytes(npy(np.asarray(table, order=order)))  # type: ignore[call-overload]
@@ -174,6 +184,8 @@ OTHERS = {
     "ptx": ptx,
     "vtk": vtk,
     "ascii vtk": ascii_vtk,
+    "obj": obj,
+    "off": off,
     "npy table": npy_table,
     "npy columns": npy_columns,
     "npy transposed": npy_transposed,
@@ -234,9 +246,45 @@ def test_columns_keep_the_names_of_the_first_piece(
 
 
 def test_what_is_read_whole_says_what_may_be_larger(tmp_path: Path) -> None:
-    write_cloud(tmp_path / "cloud", "obj", scene())
+    np.savez(tmp_path / "cloud.npz", points=scene().points, others=np.zeros(9))
     with pytest.raises(FileLimitError, match="ply, pcd, las, e57"):
+        read_points(tmp_path / "cloud.npz", LIMITS)
+    (tmp_path / "cloud").write_bytes(vtp() + b" " * LIMITS.max_whole_bytes)
+    with pytest.raises(FileLimitError, match="save it as binary PLY"):
         read_points(tmp_path / "cloud", LIMITS)
+
+
+@pytest.mark.parametrize("form", ["stl", "ascii stl"])
+def test_corners_of_a_large_stl_are_thinned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    monkeypatch.setattr(decoded_cloud, "PIECE_BYTES", 5000)
+    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 5000)
+    triangles = scene().points[: COUNT // 3 * 3].reshape(-1, 3, 3).astype(np.float32)
+    facets = "".join(
+        "facet normal 0 0 1\nouter loop\n"
+        + "".join(f"  vertex {x} {y} {z}\n" for x, y, z in corners.tolist())
+        + "endloop\nendfacet\n"
+        for corners in triangles
+    )
+    rows = np.zeros(len(triangles), np.dtype([("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")]))
+    rows["c"] = triangles
+    head = bytes(80) + np.uint32(len(rows)).tobytes()
+    text = f"solid a\n{facets}endsolid a\n".encode()
+    (tmp_path / "cloud").write_bytes(head + rows.tobytes() if form == "stl" else text)
+    cloud = read_points(tmp_path / "cloud", LIMITS, faces=True)
+    assert cloud.rows is not None
+    np.testing.assert_array_equal(cloud.points, triangles.reshape(-1, 3)[cloud.rows])
+    assert any("the faces are not kept, because the file is large" in w for w in cloud.warnings)
+
+
+def test_faces_that_the_memory_does_not_hold_are_left_out(tmp_path: Path) -> None:
+    rows = "".join(f"v {i} {i * i % 7} {i % 3}\n" for i in range(50))
+    rows += "".join(f"f 1 {i % 48 + 2} {i % 48 + 3}\n" for i in range(100))
+    (tmp_path / "cloud").write_text(rows)
+    cloud = read_points(tmp_path / "cloud", ReadLimits(max_points=120), faces=True)
+    assert cloud.faces is None
+    assert "the limit for both together is 120" in cloud.warnings[0]
 
 
 def test_errors_of_later_pieces_name_their_line(
