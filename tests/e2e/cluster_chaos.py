@@ -12,6 +12,7 @@ import json
 import os
 import random
 import statistics
+import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
@@ -49,6 +50,8 @@ SETTINGS = {
 }
 TENANTS = ("lab", "field")
 UNLIMITED = KeyLimits(0, 0, 0)
+REPORT_EVERY = 50
+"""Jobs accepted between two lines of a run's progress."""
 LATER = (409, 429, 503)
 CUT_POINTS = 40_000
 """Points of the cloud whose registration is under way when the network is cut: seconds of work."""
@@ -70,17 +73,20 @@ class ClusterChaos:
     def run(self, clients: int) -> dict[str, Any]:
         store = KeyStore(self.database)
         self.keys = [store.create(tenant, "chaos", UNLIMITED) for tenant in TENANTS]
-        started = time.monotonic()
+        self._started = time.monotonic()
         self._killer = Killer(self.cluster, self.kills, self.seed)
         with ThreadPoolExecutor(clients) as pool:
             submitted = pool.map(self._submit, range(self.jobs))
             self._killer.run()
             list(submitted)
+        self._report("all are accepted, and everything is up again")
         ended = self._check_ends()
+        self._report("all have ended")
         self._check_callbacks(ended)
-        seconds = time.monotonic() - started
+        seconds = time.monotonic() - self._started
         recovery_s = find_recoveries(self.database, self._killer.losses)
         refused = self._cut_network()
+        self._report("the late result was refused")
         self._check_nothing_is_left()
         return {
             "jobs accepted": len(self.accepted),
@@ -94,7 +100,7 @@ class ClusterChaos:
             "callbacks: planned, received": (len(ended), len(self.receiver.received)),
             "seconds from a worker's SIGKILL to the next attempt": describe(recovery_s),
             "late result after a cut of the network": refused,
-            "errors logged": dict(logged_errors(self.cluster.log)),
+            "errors logged": count_kinds(logged_errors(self.cluster.log)),
             "seconds": round(seconds, 1),
         }
 
@@ -104,6 +110,11 @@ class ClusterChaos:
         until(lambda: self._killer.total >= in_step, within_s=600)
         one, rng = wanted(self.seed, number, some_slow=True), random.Random(number)
         self.accepted[until(lambda: self._try(one, rng), within_s=300)] = one
+        if not len(self.accepted) % REPORT_EVERY:
+            self._report(f"{len(self.accepted)} jobs accepted, {self._killer.total} kills")
+
+    def _report(self, text: str) -> None:
+        print(f"{time.monotonic() - self._started:6.0f} s  {text}", file=sys.stderr, flush=True)
 
     def _try(self, one: Wanted, rng: random.Random) -> str:
         """Id of the job; empty when the service did not answer, or with "later"."""
@@ -217,6 +228,14 @@ def find_recoveries(database: Database, losses: list[Loss]) -> list[float]:
             if "queued" in statuses and "running" in statuses:
                 found.append(rows[statuses.index("running")].at - loss.at)
     return found
+
+
+def count_kinds(messages: Counter[str]) -> dict[str, int]:
+    """The numbers of messages that begin alike, up to their first colon."""
+    kinds: Counter[str] = Counter()
+    for message, number in messages.items():
+        kinds[message.partition(":")[0]] += number
+    return dict(kinds)
 
 
 def describe(seconds: list[float]) -> str:
