@@ -140,6 +140,12 @@ class UploadConflictError(ServiceError):
     problem = ProblemType(409, "upload-conflict", "Upload-Offset does not match")
 
 
+class NoDirectTransferError(ServiceError):
+    """Callers do not reach the store of the files."""
+
+    problem = ProblemType(409, "no-direct-transfer", "The service offers no direct transfer")
+
+
 class PageNotFoundError(ServiceError):
     """The page, or a file of it, does not exist."""
 

@@ -16,6 +16,7 @@ from service.auth.keys import KeyStore
 from service.auth.quotas import StorageQuota
 from service.auth.rate_limit import RateLimiter
 from service.clouds.appends import ActiveAppends
+from service.clouds.direct_uploads import DirectUploads
 from service.clouds.shared_uploads import SharedUploadStore
 from service.clouds.store import CloudStore
 from service.clouds.uploads import UploadStore
@@ -34,9 +35,11 @@ from service.outbound import http_cache
 from service.problems import NotReadyError
 from service.settings import Settings
 from service.storage.blobs import BlobStore
+from service.storage.bucket import Bucket
 from service.storage.decoded_cache import DecodedCache
 from service.storage.disk_space import DiskSpace
 from service.storage.open_blobs import open_blobs
+from service.storage.s3_blobs import S3BlobStore
 from service.storage.scratch import discard_scratch
 from service.storage.store_mark import StoreMark
 from service.telemetry.metrics import Metrics
@@ -70,6 +73,8 @@ class Runtime:
     exporter: Exporter
     clouds: CloudStore
     uploads: UploadStore
+    direct_uploads: DirectUploads | None
+    """None where callers do not reach the store of the files."""
     outbox: Outbox
     telemetry: Telemetry
     authenticator: Authenticator
@@ -185,6 +190,7 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
             exporter=Exporter(settings, blobs),
             clouds=clouds,
             uploads=uploads,
+            direct_uploads=_open_direct_uploads(settings, database, clouds, blobs),
             outbox=Outbox(database),
             telemetry=telemetry,
             authenticator=Authenticator(keys, settings),
@@ -219,6 +225,16 @@ def _open_uploads(
     if settings.blob.url is None:
         return UploadStore(database, clouds, directory, retention_s=retention_s)
     return SharedUploadStore(database, clouds, blobs, directory, retention_s=retention_s)
+
+
+def _open_direct_uploads(
+    settings: Settings, database: Database, clouds: CloudStore, blobs: BlobStore
+) -> DirectUploads | None:
+    if settings.blob.url is None or settings.blob.public_endpoint is None:
+        return None
+    assert isinstance(blobs, S3BlobStore)  # noqa: S101
+    retention_s = settings.upload_retention_s
+    return DirectUploads(database, clouds, Bucket(settings.blob), blobs, retention_s=retention_s)
 
 
 def _withdraw(runtime: Runtime) -> None:
@@ -257,6 +273,10 @@ def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[Maintenan
         if removed:
             log.info("removed %d unused files", removed)
 
+    def collect_direct_uploads() -> None:
+        if runtime.direct_uploads is not None:
+            runtime.direct_uploads.collect()
+
     def collect_shared_blobs() -> None:
         removed = runtime.blobs.collect_shared(needed, grace_s=settings.blob.grace_s)
         if removed:
@@ -269,6 +289,7 @@ def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[Maintenan
         _once_for_all(lambda: drop_expired(database), listening),
         collect_blobs,
         _once_for_all(collect_shared_blobs, listening),
+        _once_for_all(collect_direct_uploads, listening),
         collect_decoded,
         lambda: http_cache.prune(settings.data_dir, runtime.blobs),
         _once_for_all(runtime.missing_workers.log, listening),

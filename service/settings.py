@@ -158,6 +158,10 @@ class BlobSettings(SettingsGroup):
     """
     endpoint: str | None = Field(default=None, pattern="^https?://")
     """URL of the store's server; unset: Amazon's."""
+    public_endpoint: str | None = Field(default=None, pattern="^https?://")
+    """URL at which callers reach the store's server: large clouds go there and come from there
+    directly, by signed URLs. Unset: all bytes pass through the service.
+    """
     region: str = "us-east-1"
     """Region of the bucket."""
     access_key_id: str | None = None

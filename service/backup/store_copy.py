@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from sqlalchemy import select
+from sqlalchemy import and_, select
 
 from service.backup.manifest import BackedUpFile, hash_file
 from service.backup.postgres_programs import DUMP_NAME, dump_database
@@ -85,7 +85,8 @@ def _describe(store: Path) -> BackedUpFile:
 def _named_files(database: ReadableDatabase, *, has_files: bool) -> Iterator[str]:
     """Yield the files that rows name; uploads have files unless their pieces are blobs."""
     blobs = sorted(find_needed_blobs(database))
-    query = select(uploads.c.id).where(uploads.c.is_complete.is_(False))
+    in_pieces = and_(uploads.c.is_complete.is_(False), uploads.c.sha256.is_(None))
+    query = select(uploads.c.id).where(in_pieces)
     with database.read() as connection:
         pieces = sorted(connection.scalars(query))
     for sha256 in blobs:

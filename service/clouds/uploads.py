@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from uuid import uuid4
 
-from sqlalchemy import delete, insert, select, update
+from sqlalchemy import ColumnElement, Connection, and_, delete, insert, select, update
 
 from service.clouds.store import CloudStore
 from service.database.clock import now, read_time
@@ -36,6 +36,8 @@ class Upload:
     """Bytes of all pieces that are blobs."""
     pieces: list[dict[str, Any]] = field(default_factory=list)
     """Hash and size of each piece that is a blob, in order."""
+    sha256: str | None = None
+    """Hash of the file, as announced, where it goes to the bucket directly; None: in pieces."""
 
 
 class UploadStore:
@@ -71,11 +73,10 @@ class UploadStore:
             There is none of this id.
         """
         with self._database.read() as connection:
-            query = select(uploads).where(uploads.c.id == upload_id, uploads.c.tenant == tenant)
-            row = connection.execute(query).one_or_none()
+            row = find_upload(connection, tenant, upload_id, uploads.c.sha256.is_(None))
         if row is None:
-            raise _unknown()
-        return Upload(**row._mapping)
+            raise unknown_upload()
+        return row
 
     def offset(self, upload: Upload) -> int:
         """Return the number of bytes received so far.
@@ -88,7 +89,7 @@ class UploadStore:
         try:
             return upload.length if upload.is_complete else self._path(upload).stat().st_size
         except FileNotFoundError as error:
-            raise _unknown() from error
+            raise unknown_upload() from error
 
     @contextmanager
     def open_at(self, upload: Upload, offset: int) -> Iterator[BinaryIO]:
@@ -169,7 +170,7 @@ class UploadStore:
         try:
             return self._path(upload).open("r+b")
         except FileNotFoundError as error:
-            raise _unknown() from error
+            raise unknown_upload() from error
 
 
 def try_lock(file: BinaryIO) -> bool:
@@ -181,7 +182,17 @@ def try_lock(file: BinaryIO) -> bool:
     return True
 
 
-def _unknown() -> UnknownUploadError:
+def find_upload(
+    connection: Connection, tenant: str, upload_id: str, *conditions: ColumnElement[bool]
+) -> Upload | None:
+    """Return the tenant's upload, or None."""
+    is_own = and_(uploads.c.id == upload_id, uploads.c.tenant == tenant)
+    row = connection.execute(select(uploads).where(is_own, *conditions)).one_or_none()
+    return None if row is None else Upload(**row._mapping)
+
+
+def unknown_upload() -> UnknownUploadError:
+    """Return the error of an id that no upload of the tenant has."""
     return UnknownUploadError("No upload has this id; it may have expired.")
 
 

@@ -184,4 +184,6 @@ uploads = Table(
     # of uploads whose pieces are blobs: their length together, and hash and length of each
     Column("received", BigInteger, nullable=False),
     Column("pieces", JSON, nullable=False),
+    # of uploads that go to the bucket directly: hash of the file, as announced
+    Column("sha256", String),
 )

@@ -22,6 +22,7 @@ from service.schemas.registration import (
     Timing,
 )
 from service.schemas.requests import (
+    AnnouncedFile,
     CloudReference,
     FormatName,
     Labels,
@@ -35,9 +36,11 @@ from service.schemas.resources import (
     Capacity,
     Cloud,
     CloudPage,
+    DirectUpload,
     FormatInfo,
     FormatList,
     Health,
+    SignedUrl,
     TenantUsage,
 )
 from service.schemas.result import (
@@ -50,6 +53,7 @@ from service.schemas.result import (
 
 __all__ = [
     "MAX_INLINE_PAIRS",
+    "AnnouncedFile",
     "Capacity",
     "Cloud",
     "CloudInfo",
@@ -59,6 +63,7 @@ __all__ = [
     "DeliveryAttempt",
     "DeliveryList",
     "Deviation",
+    "DirectUpload",
     "Event",
     "FormatInfo",
     "FormatList",
@@ -80,6 +85,7 @@ __all__ = [
     "ResponseModel",
     "Result",
     "Rotation",
+    "SignedUrl",
     "Stage",
     "StrictModel",
     "TenantUsage",

@@ -57,6 +57,16 @@ class CloudReference(StrictModel):
         return self
 
 
+class AnnouncedFile(StrictModel):
+    """A file that its owner is about to send to the store of the service directly."""
+
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="SHA-256 of the file.")
+    size: int = Field(ge=1, description="Length of the file in bytes.")
+    format: FormatName | None = Field(
+        None, description="Format of the file, where its content does not tell."
+    )
+
+
 class Reading(StrictModel):
     """How to decode a file, where its content does not tell."""
 

@@ -34,6 +34,25 @@ class CloudPage(ResponseModel):
     )
 
 
+class DirectUpload(ResponseModel):
+    """Where to send a file directly; then POST to /v1/clouds/presign/{id}."""
+
+    id: str = Field(description="Id of the upload, and of the cloud that it becomes.")
+    url: str = Field(description="URL to PUT the file to, without a key or other headers.")
+    url_expires_at: datetime = Field(description="Time until which the PUT has to begin (UTC).")
+    expires_at: datetime = Field(
+        description="Time at which the upload is deleted unless it is complete before (UTC)."
+    )
+
+
+class SignedUrl(ResponseModel):
+    """Where to GET a file directly, without a key."""
+
+    url: str = Field(description="URL of the file.")
+    url_expires_at: datetime = Field(description="Time until which the GET has to begin (UTC).")
+    sha256: str = Field(description="SHA-256 of the file, to compare it with.")
+
+
 class FormatInfo(ResponseModel):
     """A file format that the service reads."""
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from service.problems import BlobsUnavailableError
 from service.settings import BlobSettings
@@ -39,6 +39,35 @@ class Bucket:
 
     def __init__(self, settings: BlobSettings) -> None:
         self._store = _open_store(settings)
+        self._signer = None
+        if settings.public_endpoint is not None:
+            public = settings.model_copy(update={"endpoint": settings.public_endpoint})
+            self._signer = _open_store(public)
+
+    @property
+    def can_sign(self) -> bool:
+        """Whether callers reach the store: MPE_BLOB_PUBLIC_ENDPOINT says where."""
+        return self._signer is not None
+
+    def sign(self, method: Literal["GET", "PUT"], key: str, *, seconds: float) -> str:
+        """Return a URL by which a caller without a key reads or writes an object for a while."""
+        import obstore
+
+        assert self._signer is not None  # noqa: S101
+        return obstore.sign(self._signer, method, key, timedelta(seconds=seconds))
+
+    def find_size(self, key: str) -> int:
+        """Return the length of an object in bytes.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is none of this key.
+        """
+        import obstore
+
+        with _translate_errors():
+            return obstore.head(self._store, key)["size"]
 
     def upload(self, key: str, path: Path) -> None:
         """Store a file, in parts where it is long; the store checks the SHA-256 of each part."""
@@ -78,11 +107,15 @@ class Bucket:
 
     def find_keys(self, prefix: str) -> list[str]:
         """Return the keys below a prefix, which ends at a slash, in order."""
+        return sorted(self.find_sizes(prefix))
+
+    def find_sizes(self, prefix: str) -> dict[str, int]:
+        """Return the keys below a prefix, which ends at a slash, with the length of each object."""
         import obstore
 
         with _translate_errors():
             pages = obstore.list(self._store, prefix)
-            return sorted(item["path"] for page in pages for item in page)
+            return {item["path"]: item["size"] for page in pages for item in page}
 
     def delete(self, keys: list[str]) -> None:
         """Delete objects; those that do not exist count as deleted."""

@@ -29,6 +29,10 @@ YOUNG_SHARE = 0.25
 log = logging.getLogger(__name__)
 
 
+class WrongContentError(Exception):
+    """An object is not the file that was announced."""
+
+
 class S3BlobStore(BlobStore):
     """Blobs of a bucket that any number of processes use, each with a data directory of its own.
 
@@ -86,6 +90,47 @@ class S3BlobStore(BlobStore):
         if not self._is_young(blob.sha256) and not self._renew(blob.sha256):
             self._upload(blob.sha256, path)
         super().install(path, blob)
+
+    def adopt_object(self, key: str, expected: Blob) -> None:
+        """Make an object a blob by a copy within the bucket; nobody else may write to its key.
+
+        Raises
+        ------
+        FileNotFoundError
+            The bucket has no such object.
+        WrongContentError
+            It has another length or hash.
+        """
+        size = self._bucket.find_size(key)
+        if size != expected.size:
+            raise WrongContentError(f"expected {expected.size} bytes, but {size} came")
+        with BlobWriter(self.incoming, lambda path, blob: self._install_copy(key, path, blob)) as w:
+            for chunk in self._bucket.download(key):
+                w.write(chunk)
+            if w.written != expected:
+                raise WrongContentError(
+                    f"expected the SHA-256 {expected.sha256}, but {w.written.sha256} came"
+                )
+            w.commit()
+
+    def _install_copy(self, key: str, path: Path, blob: Blob) -> None:
+        if not self._is_young(blob.sha256) and not self._renew(blob.sha256):
+            self._bucket.copy(key, _new_key(blob.sha256))
+            self._made_at[blob.sha256] = time.monotonic()
+        super().install(path, blob)
+
+    def newest_object(self, sha256: str) -> str:
+        """Return the key of the newest instance of a blob.
+
+        Raises
+        ------
+        FileNotFoundError
+            The bucket has none.
+        """
+        instances = self._instances(sha256)
+        if not instances:
+            raise FileNotFoundError(sha256)
+        return instances[0]
 
     def touch(self, sha256: str) -> None:
         """Make a new instance of a blob, so that `collect` spares it for the grace time.

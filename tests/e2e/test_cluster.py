@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import threading
@@ -32,7 +33,8 @@ def settings(postgres: Postgres, s3: S3Server) -> dict[str, object]:
     database = {"database_url": postgres.new_database(), "maintenance_interval_s": 1}
     times = {"shutdown_delay_s": 1, "lease_s": 5}
     sizes = {"workers": 1, "large_bytes": 3 * len(CLOUD)}
-    return {**database, **times, **sizes, **s3.new_prefix()}
+    store = {**s3.new_prefix(), "blob_public_endpoint": s3.endpoint}
+    return {**database, **times, **sizes, **store}
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +116,16 @@ def test_an_upload_in_pieces_becomes_a_cloud_of_all(first: Server, second: Serve
         assert server.client.patch(place, content=piece, headers=headers).status_code == 204
     cloud = second.client.get(place.replace("uploads", "clouds")).json()
     assert cloud["size"] == len(CLOUD)
+
+
+def test_a_file_goes_past_the_service(first: Server, second: Server) -> None:
+    file = {"sha256": hashlib.sha256(CLOUD).hexdigest(), "size": len(CLOUD)}
+    begun = first.client.post("/v1/clouds/presign", json=file)
+    assert httpx.put(begun.json()["url"], content=CLOUD, trust_env=False).is_success
+    cloud = second.client.post(begun.headers["Location"]).raise_for_status().json()
+    fetched = first.client.post(f"/v1/clouds/{cloud['id']}/presign").json()
+    assert httpx.get(fetched["url"], trust_env=False).content == CLOUD
+    assert "X-Amz" not in first.log
 
 
 def test_a_result_is_reused(first: Server, second: Server) -> None:
