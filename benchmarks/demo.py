@@ -29,7 +29,10 @@ FOLDER = Path("build") / "demo"
 SOURCE_VIEW = np.radians((-60, 15, 170))  # azimuth, elevation, roll
 TARGET_VIEW = np.radians((-110, 20, -30))
 SHOWN_POINTS = 6_000
-START_S = 60
+START_S = 600
+"""Longest wait for the service: a first start compiles the kernels."""
+END_S = 600
+"""Longest wait for the end of the registration, on a busy machine."""
 
 
 def main() -> int:
@@ -113,8 +116,21 @@ def _post(url: str, source: Path, target: Path) -> dict[str, Any] | None:
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         return None
-    job: dict[str, Any] = json.loads(done.stdout)
+    job: dict[str, Any] = _await_end(url, json.loads(done.stdout))
     print(_shortened(job))
+    return job
+
+
+def _await_end(url: str, job: dict[str, Any]) -> dict[str, Any]:
+    """Return the registration once it has ended; a problem document is returned as it is."""
+    deadline = time.monotonic() + END_S
+    while job["status"] in ("queued", "running") and time.monotonic() < deadline:
+        print(f"It is {job['status']} still: {job['progress']['stage']}.")
+        try:
+            place, headers = f"{url}/v1/registrations/{job['id']}", {"Prefer": "wait=10"}
+            job = httpx.get(place, headers=headers, timeout=60, trust_env=False).json()
+        except httpx.TransportError:
+            time.sleep(1)
     return job
 
 

@@ -6,12 +6,15 @@ import contextlib
 import itertools
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import httpx
 
 CHUNK_BYTES = 1 << 16
+PATIENCE_S = 60.0
+"""Wait of a balancer for a server that is ready: more than a busy machine takes to answer."""
 
 
 class TcpProxy:
@@ -83,18 +86,19 @@ def running_proxy(dial: Callable[[], socket.socket], port: int = 0) -> Iterator[
 
 
 class Balancer:
-    """Dials the servers in turn, those that are ready first of all."""
+    """Dials the servers that are ready, in turn."""
 
     def __init__(self, urls: Sequence[str]) -> None:
         self._urls = urls
         self._turns = itertools.count()
 
     def dial(self) -> socket.socket:
-        """Raise ConnectionError when none is ready."""
-        start = next(self._turns)
-        for number in range(len(self._urls)):
-            url = httpx.URL(self._urls[(start + number) % len(self._urls)])
+        """Wait until one is ready; raise ConnectionError when none is for PATIENCE_S."""
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            url = httpx.URL(self._urls[next(self._turns) % len(self._urls)])
             with contextlib.suppress(OSError, httpx.TransportError):
-                if httpx.get(url.join("/readyz"), trust_env=False).is_success:
+                if httpx.get(url.join("/readyz"), timeout=30, trust_env=False).is_success:
                     return socket.create_connection((url.host, url.port or 80))
+            time.sleep(0.05)
         raise ConnectionRefusedError("no server is ready")
