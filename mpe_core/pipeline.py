@@ -149,7 +149,8 @@ class PosePipeline:
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
-        return _select_equal(ordered)
+        best, *others = _select_equal(ordered)
+        return [self.settle(best), *others]
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
         """Order the poses and that next to the start: near ones first, within the given range."""
@@ -209,6 +210,11 @@ class PosePipeline:
         """Refine and score a coarse pose T (4, 4)."""
         minimum = self.refiner.refine(self._prior.project_to_yaw(T))
         return ScoredPose(minimum, self.scorer.score(minimum.T))
+
+    def settle(self, pose: ScoredPose) -> ScoredPose:
+        """Bring a pose that ran out of steps to the end; what speaks for it stays what it was."""
+        minimum = self.refiner.settle(pose.minimum)
+        return replace(pose, minimum=minimum) if are_close(minimum.T, pose.minimum.T) else pose
 
     def _refine_candidates(
         self,

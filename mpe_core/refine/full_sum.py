@@ -85,6 +85,10 @@ class FullSum:
         gain = self._on_surface_fraction(planar.T) - self._on_surface_fraction(minimum.T)
         return planar if gain > MIN_ON_SURFACE_GAIN else minimum
 
+    def settle(self, minimum: Minimum) -> Minimum:
+        """Go on to the minimum from where a refinement by planes ran out of steps."""
+        return minimum if minimum.criterion == "full_sum" else self._planes.settle(minimum)
+
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the target's origin."""
         if minimum.criterion != "full_sum":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +30,7 @@ STEP_TOL = 2e-5
 nearest points keep changing places."""
 
 MAX_STEPS = 30
-"""Bound on the steps of a refinement; real scans need 20 at the 95th percentile."""
+"""Bound on the steps of a candidate's refinement. Only the best of them goes on (docs/tuning.md)."""
 
 MAX_SMOOTHED_RATIO = 0.9
 """Residual of the smoothed clouds over that of the raw ones up to which the smoothed ones are
@@ -88,12 +89,16 @@ class PointToPlane:
         return self._planes.point_spacing()
 
     def refine(self, T: Array) -> Minimum:
-        """Find the minimum next to the pose T, of the smoothed clouds if these fit better."""
-        minimum = self._minimize(self._sample, T, self._max_iterations)
-        if self._may_smooth and self._fits_better_smoothed(minimum.T):
-            smoothed, most = self._smoothed_sample, self._max_iterations
-            minimum = self._minimize(smoothed, minimum.T, most, smooth=True)
-        return minimum
+        """Come near the minimum next to the pose T, of the smoothed clouds if these fit better."""
+        return self._refine(T, min(MAX_STEPS, self._max_iterations))
+
+    def settle(self, minimum: Minimum) -> Minimum:
+        """Go on to the minimum from where a refinement ran out of steps."""
+        left = self._max_iterations - minimum.iterations
+        if minimum.converged or left <= 0:
+            return minimum
+        settled = self._refine(minimum.T, left)
+        return replace(settled, iterations=minimum.iterations + settled.iterations)
 
     def match(self, T: Array) -> Correspondences:
         """Match the sample at the pose T with the planes."""
@@ -145,11 +150,17 @@ class PointToPlane:
             np.bool_,
         )
 
+    def _refine(self, T: Array, max_steps: int) -> Minimum:
+        minimum = self._minimize(self._sample, T, max_steps)
+        if self._may_smooth and self._fits_better_smoothed(minimum.T):
+            minimum = self._minimize(self._smoothed_sample, minimum.T, max_steps, smooth=True)
+        return minimum
+
     def _minimize(
-        self, sample: Sample, T: Array, max_iterations: int, *, smooth: bool = False
+        self, sample: Sample, T: Array, max_steps: int, *, smooth: bool = False
     ) -> Minimum:
         return minimize_point_to_plane(
-            sample, self._planes, T, self._motion_basis, max_iterations, smooth=smooth
+            sample, self._planes, T, self._motion_basis, max_steps, smooth=smooth
         )
 
     def _fits_better_smoothed(self, T: Array) -> bool:
@@ -190,7 +201,7 @@ def minimize_point_to_plane(
     target: TargetPlanes,
     T: Array,
     motion_basis: Array,
-    max_iterations: int,
+    max_steps: int,
     *,
     smooth: bool = False,
 ) -> Minimum:
@@ -209,17 +220,16 @@ def minimize_point_to_plane(
         (4, 4) start.
     motion_basis
         (6, K) basis of the small motions that are allowed.
-    max_iterations
-        Bound on the steps, beside MAX_STEPS.
+    max_steps
+        Bound on the steps.
     smooth
         Whether the planes are taken as fitted; otherwise each is moved to its point.
     """
     iterations = 0
-    most = min(max_iterations, MAX_STEPS)
     for cutoff in (FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff):
         tolerance = STEP_TOL if cutoff == target.cutoff else 20 * STEP_TOL
         converged = False
-        while not converged and iterations < most:
+        while not converged and iterations < max_steps:
             H, g = match_planes(sample, target, T, smooth=smooth).normal_equations(cutoff)
             iterations += 1
             # a share of the trace holds the directions in which the surface slides on itself

@@ -15,7 +15,10 @@ class Refiner(Protocol):
     """Method that brings a coarse pose to the minimum next to it."""
 
     def refine(self, T: NDArray[np.float64]) -> Minimum:
-        """Find the minimum next to the pose T (4, 4)."""
+        """Find the minimum next to the pose T (4, 4), or come near it."""
+
+    def settle(self, minimum: Minimum) -> Minimum:
+        """Go on to the minimum from where a refinement ran out of steps."""
 
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the target's origin."""

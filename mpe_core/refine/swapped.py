@@ -49,6 +49,10 @@ class SwappedPointToPlane:
         """Find the minimum next to the pose T."""
         return self._inner.refine(inverse(T)).inverse()
 
+    def settle(self, minimum: Minimum) -> Minimum:
+        """Go on to the minimum from where a refinement ran out of steps."""
+        return self._inner.settle(minimum.inverse()).inverse()
+
     def match(self, T: Array) -> Correspondences:
         """Match a sample of the target with the planes of the source, at the pose T."""
         return self._inner.match(inverse(T))
