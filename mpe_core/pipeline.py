@@ -213,6 +213,8 @@ class PosePipeline:
 
     def settle(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose that ran out of steps to the end; what speaks for it stays what it was."""
+        if pose.minimum.converged:
+            return pose
         minimum = self.refiner.settle(pose.minimum)
         return replace(pose, minimum=minimum) if are_close(minimum.T, pose.minimum.T) else pose
 

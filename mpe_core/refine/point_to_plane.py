@@ -30,7 +30,7 @@ STEP_TOL = 2e-5
 nearest points keep changing places."""
 
 MAX_STEPS = 30
-"""Bound on the steps of a candidate's refinement. Only the best of them goes on (docs/tuning.md)."""
+"""Bound on the steps of a candidate's refinement. Only the best goes on (docs/tuning.md)."""
 
 MAX_SMOOTHED_RATIO = 0.9
 """Residual of the smoothed clouds over that of the raw ones up to which the smoothed ones are
@@ -95,7 +95,7 @@ class PointToPlane:
     def settle(self, minimum: Minimum) -> Minimum:
         """Go on to the minimum from where a refinement ran out of steps."""
         left = self._max_iterations - minimum.iterations
-        if minimum.converged or left <= 0:
+        if left <= 0:
             return minimum
         settled = self._refine(minimum.T, left)
         return replace(settled, iterations=minimum.iterations + settled.iterations)

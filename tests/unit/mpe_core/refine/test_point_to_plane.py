@@ -6,6 +6,7 @@ import pytest
 from mpe_core import RegistrationOptions
 from mpe_core.clouds.preprocess import prepare_cloud
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
+from mpe_core.refine import point_to_plane
 from mpe_core.refine.point_to_plane import PointToPlane
 from mpe_core.refine.regime import choose_regime
 from mpe_core.refine.swapped import SwappedPointToPlane
@@ -59,6 +60,26 @@ def test_a_minimum_stays_where_it_is(clouds):
 def test_a_bound_on_the_iterations_is_kept_and_reported(clouds):
     minimum = refiner(*clouds, max_iterations=1).refine(OFF @ TRUTH)
     assert (minimum.converged, minimum.iterations) == (False, 1)
+
+
+def test_a_pose_that_ran_out_of_steps_goes_on_to_its_minimum(clouds, monkeypatch):
+    monkeypatch.setattr(point_to_plane, "MAX_STEPS", 2)
+    direct, swapped = refiner(*clouds), SwappedPointToPlane(refiner(*clouds))
+    for each, start, truth in (
+        (direct, OFF @ TRUTH, TRUTH),
+        (swapped, inverse(OFF @ TRUTH), inverse(TRUTH)),
+    ):
+        near = each.refine(start)
+        settled = each.settle(near)
+        assert (near.converged, settled.converged) == (False, True)
+        assert near.iterations < settled.iterations
+        assert rotation_error(near.T, truth) > 2 * rotation_error(settled.T, truth)
+
+
+def test_a_pose_goes_on_for_no_more_iterations_than_allowed(clouds, monkeypatch):
+    monkeypatch.setattr(point_to_plane, "MAX_STEPS", 2)
+    limited = refiner(*clouds, max_iterations=3)
+    assert limited.settle(limited.refine(OFF @ TRUTH)).iterations == 3
 
 
 def test_steps_stay_within_the_motion_basis(clouds):
