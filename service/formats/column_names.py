@@ -21,18 +21,24 @@ _SURVEY = (
         (
             *("easting", "eastings", "east", "e", "utm_e", "utme", "e_utm", "x_utm", "utm_x"),
             *("rechtswert", "rechts", "ostwert", "ost", "este", "est", "x", "coord_x"),
+            *("leste", "øst", "oest", "öst", "oost", "itä", "vychod", "východ", "wschód", "wschod"),
+            *("восток", "东", "东坐标", "東", "東座標"),
         )
     ),
     frozenset(
         (
             *("northing", "northings", "north", "n", "utm_n", "utmn", "n_utm", "y_utm", "utm_y"),
             *("hochwert", "hoch", "nordwert", "nord", "norte", "y", "coord_y"),
+            *("noord", "norr", "pohjoinen", "sever", "północ", "polnoc", "север", "北", "北坐标"),
+            "北座標",
         )
     ),
     frozenset(
         (
             *("elevation", "elev", "height", "altitude", "alt", "up", "h", "z", "level"),
             *("höhe", "hoehe", "cota", "quota", "kote", "altura", "hauteur", "hohe"),
+            *("hoogte", "høyde", "hoyde", "højde", "höjd", "korkeus", "výška", "vyska", "wysokość"),
+            *("wysokosc", "высота", "отметка", "高程", "標高", "高さ", "altitud", "altitudine"),
         )
     ),
 )
@@ -40,12 +46,19 @@ _SURVEY = (
 _PLACE_WORDS = frozenset(
     (
         *("", "coord", "coords", "coordinate", "coordinates", "koordinate", "pos", "position"),
+        *("coördinaat", "coordinaat", "coordenada", "coordonnée", "coordonnee", "coordinata"),
+        *("koordinat", "koordinata", "координата", "坐标", "座標"),
         *("point", "points", "pt", "loc", "location", "world", "local", "global", "cartesian"),
         *("scan", "xyz", "geometry", "vertex", "map", "utm"),
     )
 )
 """Words around the letter of an axis in the names of coordinates: x_coord, point.x, Coord. X."""
-_WORD = re.compile(r"[^a-z0-9]+")
+_WORD = re.compile(
+    r"[\W_]+|(?<=[xyz])(?=coord|pos|utm|local|global|world|[\u3000-\u9fff])"
+    r"|(?<=[\u3000-\u9fff])(?=[xyz])"
+)
+"""Place between words; xcoord and x座標 are two."""
+_AXIS = re.compile("[xyz]")
 _NORMALS = (
     ("nx", "ny", "nz"),
     ("normal_x", "normal_y", "normal_z"),
@@ -127,14 +140,22 @@ def _find_survey(bare: Sequence[str]) -> tuple[int, ...] | None:
 
 
 def _find_axes(bare: Sequence[str]) -> tuple[int, ...] | None:
-    """Find three names that are alike but for the letter of their axis, among words for places."""
+    """Find three names that are alike but for the letter of their axis, among words for places.
+
+    That of z may be a word for heights.
+    """
     axes: dict[str, list[tuple[int, str]]] = {"x": [], "y": [], "z": []}
     for place, name in enumerate(bare):
+        if not _AXIS.search(name):
+            continue
         words = _WORD.split(name)
         letters = [word for word in words if word in axes]
         others = [word for word in words if word not in axes]
         if len(letters) == 1 and _PLACE_WORDS.issuperset(others):
             axes[letters[0]].append((place, " ".join(others)))
+    heights = [place for place, name in enumerate(bare) if name in _SURVEY[2]]
+    if not axes["z"] and axes["x"] and len(heights) == 1:
+        axes["z"] = [(heights[0], axes["x"][0][1])]
     if any(len(found) != 1 for found in axes.values()):
         return None
     columns, kinds = zip(*(found[0] for found in axes.values()), strict=True)

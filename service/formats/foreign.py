@@ -38,6 +38,9 @@ _MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
     ((b"GOCAD ",), "GOCAD", "export its points as lines of x y z"),
     ((b"$MeshFormat",), "Gmsh", "export it as PLY, STL or VTK"),
     ((b"*Heading", b"*HEADING", b"*Node", b"*NODE"), "Abaqus", "export its surface as STL"),
+    ((b"VERTEX_SE", b"EDGE_SE"), "g2o, a graph of poses", "send a cloud of points"),
+    ((b"MeshVersionFormatted",), "Medit", "export it as PLY, STL or VTK"),
+    ((b"BEGIN BULK", b"GRID,", b"GRID  ", b"SOL "), "Nastran", "export its surface as STL"),
     ((b"ATOM  ", b"HEADER    ", b"HETATM"), "PDB, a molecule", "send a point cloud"),
     ((b"RIFF", b"OggS", b"ID3"), "sound or video", "send a point cloud"),
     ((b"7z\xbc\xaf", b"Rar!", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ", b"BZh"), "archive", _UNPACK),
@@ -88,6 +91,22 @@ _GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
     (
         re.compile(rb"(?:[^\n]{0,200}\n){0,3}[^\n]{0,200}\d\.\d{3}\.\d{3}"),
         "numbers with a sign between thousands, as 1.234.567: write 1234567",
+    ),
+    (
+        re.compile(rb"(?:[^\n]{0,200}\n){0,3}[^\n]{0,200}(?:\d'\d{3}\b|\"\d{1,3}(?:,\d{3})+\.\d)"),
+        "numbers with a sign between thousands, as 1'234'567 or 1,234,567.8: write 1234567.8",
+    ),
+    (
+        re.compile(rb"(?:[^\n]{0,200}\n)?[^\n]{0,200}\b(?:MULTI)?POINT ?Z? ?\(", re.IGNORECASE),
+        "geometry as WKT: export the coordinates as columns x, y and z",
+    ),
+    (
+        re.compile(rb"[^\n]{0,200}\d\.\d{1,9}[+-]\d{1,9}\."),
+        "numbers that touch, as -1.5-2.5: separate them by blanks or commas",
+    ),
+    (
+        re.compile(rb"\s*[-+\d.eE]{1,30}[ \t,;]{1,9}[-+\d.eE]{1,30}[ \t]*\r?\n"),
+        "rows of two numbers: expected three, x, y and z",
     ),
 )
 """Beginnings of text that no reader takes, in the order in which they are tried."""
@@ -187,6 +206,20 @@ def _is_odd_off(head: bytes) -> bool:
     )
 
 
+def _is_tecplot(head: bytes) -> bool:
+    lines = [line.strip().upper() for line in head[:2000].split(b"\n")]
+    return any(re.match(rb"VARIABLES\s*=", line) for line in lines[:20])
+
+
+def _is_tetgen(head: bytes) -> bool:
+    """Whether counts of points, dimensions and attributes, and numbered rows, as in .node."""
+    lines = [line.split() for line in head[:2000].split(b"\n") if line.strip()[:1] not in b"#"][:4]
+    if len(lines) < 4 or len(lines[0]) != 4 or not all(word.isdigit() for word in lines[0]):
+        return False
+    numbers = [line[0] for line in lines[1:3]]
+    return lines[0][1] == b"3" and numbers in ([b"0", b"1"], [b"1", b"2"])
+
+
 def _is_matlab_text(head: bytes) -> bool:
     line = significant_line(head)[:200]
     return re.match(rb"[A-Za-z]\w{0,60}[ \t]?=[ \t]?\[", line) is not None
@@ -204,5 +237,7 @@ _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
         _is_odd_off,
         "OFF in binary or of n dimensions, which is not read: save it as ASCII OFF or PLY",
     ),
+    (_is_tecplot, "Tecplot, which is not read: save the points as CSV with a line of names"),
+    (_is_tetgen, "nodes of TetGen, which are not read: remove the first line"),
     (_is_matlab_text, "MATLAB text, which is not read: export the matrix as CSV"),
 )

@@ -9,6 +9,9 @@ _NUMBER = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 """Unambiguous, so that matching does not backtrack."""
+_QUOTED = re.compile(r'"([^"]*)"')
+_ONLY_DIGITS = re.compile(r"[\d\s.,eE+-]*", re.ASCII)
+_DELIMITERS = re.compile(r"[,;|\s]")
 MISSING = frozenset(
     (
         *("<na>", "-", "--", "---", "nil", "missing", "undefined", "no data", "nodata"),
@@ -33,6 +36,16 @@ def is_missing(field: str) -> bool:
 def is_value(field: str) -> bool:
     """Whether the field is a number or stands for a missing one."""
     return is_number(field) or is_missing(field)
+
+
+def unquote(row: str) -> str:
+    """Remove the quotes of a row; delimiters and blanks within quoted words are replaced."""
+    return _QUOTED.sub(_join_words, row).replace('"', "") if '"' in row else row
+
+
+def _join_words(quoted: re.Match[str]) -> str:
+    text = quoted[1]
+    return text if _ONLY_DIGITS.fullmatch(text) else _DELIMITERS.sub("_", text)
 
 
 def significant_line(head: bytes) -> bytes:

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from service.formats.errors import UnsupportedFileError
-from service.formats.numerals import is_number
+from service.formats.errors import MalformedFileError, UnsupportedFileError
+from service.formats.numerals import is_number, unquote
 
 SAMPLED_ROWS = 20
 """Rows that are looked at."""
@@ -26,7 +26,7 @@ Rows = Sequence[Sequence[str]]
 
 def sample_rows(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Return the fields of the first lines, without blank ones."""
-    texts = (line.strip().replace('"', "") for line in lines[: 2 * SAMPLED_ROWS])
+    texts = (unquote(line.strip()) for line in lines[: 2 * SAMPLED_ROWS])
     rows = [[item.strip() for item in text.split(delimiter)] for text in texts if text]
     return rows[:SAMPLED_ROWS]
 
@@ -38,6 +38,24 @@ def counts_rows(rows: Rows) -> bool:
     numbers = [int(row[0]) for row in rows]
     is_counted = all(after - before == 1 for before, after in pairwise(numbers))
     return is_counted and any("." in item for row in rows for item in row[1:4])
+
+
+def refuse_rows_and_columns(rows: Rows) -> None:
+    """Refuse two columns of whole numbers before three of decimal ones.
+
+    Raises
+    ------
+    MalformedFileError
+        They may be the rows and columns of a scan, or coordinates.
+    """
+    if len(rows) < _MIN_ROWS or any(len(row) < 5 for row in rows):
+        return
+    is_whole = all(_is_count(item) for row in rows for item in row[:2])
+    if is_whole and all("." in item for row in rows for item in row[2:5]):
+        raise MalformedFileError(
+            "columns 1 and 2 are whole numbers, as the rows and columns of a scan, and columns 3 "
+            "to 5 are not; expected a first line that names the columns, as 'row col x y z'"
+        )
 
 
 def refuse_poses(rows: Rows) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from service.formats.column_names import (
     find_xyz,
 )
 from service.formats.errors import CloudFileError, MalformedFileError, UnsupportedFileError
-from service.formats.numerals import is_number, is_value
+from service.formats.numerals import is_number, is_value, unquote
 from service.formats.text_guesses import (
     SAMPLED_ROWS,
     Rows,
@@ -23,6 +24,7 @@ from service.formats.text_guesses import (
     counts_rows,
     has_decimal_commas,
     refuse_poses,
+    refuse_rows_and_columns,
     sample_rows,
 )
 
@@ -30,6 +32,7 @@ _DELIMITERS = (";", "\t", ",", "|", None)
 """Delimiters in the order in which they are tried; None: any run of blanks."""
 _UNIT = re.compile(r"[ \t]?[\[(][^\[\]()]{0,20}[\])]")
 """Unit behind a name, which is none of the words of a header."""
+_QUOTED = re.compile(r'"[^"]*"')
 _COMMENTS = ("#", "//", "%")
 _MIN_ROW_CHARACTERS = 5
 """Length of the shortest row or header of three columns: "1 2 3"."""
@@ -83,7 +86,7 @@ class _Header:
 
     @classmethod
     def parse(cls, number: int, line: str) -> _Header:
-        text = line.lstrip("#/% \t")
+        text = _hide_quoted_delimiters(line.lstrip("#/% \t"))
         bare = _UNIT.sub("", text)
         listed = next((word for word in text.split() if word.endswith("[]")), None)
         if listed is not None:
@@ -149,7 +152,7 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
         text = raw.strip()
         if not text:
             continue
-        row = text.replace('"', "")
+        row = unquote(text)
         row = row.replace(",", ".") if decimal_comma else row
         is_short = len(row) < _MIN_ROW_CHARACTERS
         layout = _named_layout(named, row, index) if named and not is_short else None
@@ -253,6 +256,7 @@ def _unnamed_layout(
             "separate the fields by semicolons, or write decimal points"
         )
     refuse_poses(sample)
+    refuse_rows_and_columns(sample)
     if counts_rows(sample):
         warning = f"column 1 counts the rows; columns 2, 3 and 4 of {len(fields)} are read"
         return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
@@ -292,8 +296,12 @@ def _find_labelled(lines: Sequence[str]) -> TextLayout | None:
     for delimiter in _DELIMITERS:
         sample = sample_rows([lines[index] for index in rows[: SAMPLED_ROWS + 1]], delimiter)
         if are_labelled(sample):
-            warning = f"column 1 labels the points; columns 2, 3 and 4 of {len(sample[0])} are read"
-            return TextLayout(rows[0], delimiter, (1, 2, 3), warnings=(warning,))
+            is_counted = counts_rows([row[1:] for row in sample])
+            what = "columns 1 and 2 label" if is_counted else "column 1 labels"
+            xyz = (2, 3, 4) if is_counted else (1, 2, 3)
+            listed = "{}, {} and {}".format(*(place + 1 for place in xyz))
+            warning = f"{what} the points; columns {listed} of {len(sample[0])} are read"
+            return TextLayout(rows[0], delimiter, xyz, warnings=(warning,))
     return None
 
 
@@ -301,7 +309,7 @@ def _refuse_geographic(header: _Header, delimiter: str | None, fields: Sequence[
     for names in header.candidates(delimiter):
         if len(names.items) >= len(fields) and not names.xyz and are_geographic(names.items):
             raise UnsupportedFileError(
-                f"line {header.number}: the columns {', '.join(names.items)[:80]!r} are "
+                f"line {header.number}: the columns {_readable(names.items)} are "
                 "geographic coordinates in degrees; project latitude and longitude to metres, "
                 "and name the columns x, y, z"
             )
@@ -331,7 +339,7 @@ def _refuse_other_names(
         return
     if len(names) == len(fields):
         raise MalformedFileError(
-            f"line {header.number}: the columns are called {', '.join(names)[:80]!r}; "
+            f"line {header.number}: the columns are called {_readable(names)}; "
             "expected the names x, y and z among them"
         )
     if delimiter is not None and len(names) > 1:
@@ -364,6 +372,19 @@ def _numeric_fields(row: str) -> tuple[str | None, list[str]] | None:
         if len(fields) >= 3 and all(is_number(item) for item in fields[:3]):
             return delimiter, fields
     return None
+
+
+def _hide_quoted_delimiters(header: str) -> str:
+    """Replace delimiters other than blanks within quoted names."""
+    return _QUOTED.sub(lambda found: re.sub(r"[,;|\t]", "_", found[0]), header)
+
+
+def _readable(names: Sequence[str]) -> str:
+    """List names for a message; those of UTF-8 were decoded as Latin-1."""
+    text = ", ".join(names)
+    with contextlib.suppress(UnicodeError):
+        text = text.encode("latin1").decode("utf8")
+    return repr(text[:80])
 
 
 def _split(line: str, delimiter: str | None) -> list[str]:

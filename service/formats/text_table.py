@@ -21,7 +21,7 @@ from service.formats.errors import (
     TruncatedFileError,
 )
 from service.formats.memory_map import map_file
-from service.formats.numerals import is_missing, is_number
+from service.formats.numerals import is_missing, is_number, unquote
 
 _CHUNK_BYTES = 1 << 20
 _BLOCK_BYTES = 32 << 20
@@ -47,6 +47,8 @@ class Dialect:
     """Whether commas are decimal points."""
     has_counts: bool = False
     """Whether a line of one whole number announces the rows that follow, as in PTS."""
+    width: int = 0
+    """Fields that a row has at most, where more of them hide which is which; 0: unbounded."""
 
 
 PLAIN = Dialect()
@@ -218,6 +220,8 @@ def read_block(
     count = _count_lines(block, limits)
     max_rows = min(count, limits.max_points + 1 if rows is None else rows)
     try:
+        if not _are_narrow(block, dialect):
+            raise ValueError
         table = _parse_quickly(block, columns, max_rows, dialect)
         if table is None:
             table = _parse(block, columns, max_rows, dialect, None)
@@ -232,6 +236,21 @@ def read_block(
     if len(table) > limits.max_points:
         raise TooManyPointsError(f"the file has more than {limits.max_points} rows, the limit")
     return table
+
+
+def _are_narrow(block: TextBlock, dialect: Dialect) -> bool:
+    """Whether no row has a quoted field, or more fields than the width, if it is given."""
+    if not dialect.width or dialect.delimiter is None:
+        return True
+    content = block.content()
+    if (content == ord('"')).any():
+        return False
+    marks = np.flatnonzero((content == ord(dialect.delimiter)) | (content == ord("\n")))
+    ends = np.flatnonzero(content[marks] == ord("\n"))
+    last = np.r_[ends, len(marks)]
+    counts = np.diff(last, prepend=-1)  # of delimiters, and one line end
+    before = content[np.maximum(np.r_[marks[ends], len(content)] - 1, 0)]
+    return bool((counts - (before == ord(dialect.delimiter)) <= dialect.width).all())
 
 
 def _parse_quickly(
@@ -312,13 +331,16 @@ class TableCleaner:
             if self.headers and line.strip() in self.headers:
                 self.repeated_headers += 1
                 continue
-            text = _COMMENT.split(line, maxsplit=1)[0].strip().replace('"', "")
+            text = unquote(_COMMENT.split(line, maxsplit=1)[0].strip())
             if not text:
                 continue
             if self.dialect.has_counts and text.isdecimal() and len(text) < 19:
                 self.counts.append(int(text))
                 continue
             fields = text.split(self.dialect.delimiter)
+            if self.dialect.width and len(fields) - (not fields[-1]) > self.dialect.width:
+                yield "too many fields"
+                continue
             if len(fields) <= max(self.columns) or "\r" in text:
                 yield "too few fields"
                 continue
@@ -412,6 +434,11 @@ def _find_first_error(
         words = next(iter(cleaner.clean([line])), None)
         if words is None:
             continue
+        if words == "too many fields":
+            return MalformedFileError(
+                f"line {number}: more than {dialect.width} fields, as many as the first row has; "
+                "put text with delimiters into quotes"
+            )
         if len(fields) <= max(columns):
             return MalformedFileError(
                 f"line {number}: {len(fields)} fields; expected at least {max(columns) + 1}"

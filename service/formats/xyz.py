@@ -18,7 +18,8 @@ from service.formats.errors import (
     missing_attribute,
 )
 from service.formats.mesh.text import is_off_without_keyword, read_off
-from service.formats.numerals import is_number, significant_line
+from service.formats.numerals import is_number, significant_line, unquote
+from service.formats.text_guesses import sample_rows
 from service.formats.text_layout import TextLayout, detect_layout
 from service.formats.text_table import (
     CUT_WARNING,
@@ -164,7 +165,7 @@ def _read_attributes(
     block: TextBlock, lines: list[str], layout: TextLayout, limits: ReadLimits, names: list[str]
 ) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
     """Read the columns beside the coordinates, and warn of those that hold no numbers."""
-    fields = lines[layout.first_row].strip().split(layout.delimiter)
+    fields = unquote(lines[layout.first_row].strip()).split(layout.delimiter)
     places = layout.others or {
         f"column_{place + 1}": place
         for place, word in enumerate(fields)
@@ -199,7 +200,14 @@ def _narrow(column: NDArray[np.generic]) -> NDArray[np.generic]:
 
 def _make_cleaner(lines: list[str], layout: TextLayout, columns: tuple[int, ...]) -> TableCleaner:
     has_counts = layout.count is not None
-    dialect = Dialect(layout.delimiter, decimal_comma=layout.decimal_comma, has_counts=has_counts)
+    fields = sample_rows(lines[layout.first_row :][:1], layout.delimiter)[0]
+    hides_places = max(layout.xyz) > 2 and layout.delimiter is not None
+    dialect = Dialect(
+        layout.delimiter,
+        decimal_comma=layout.decimal_comma,
+        has_counts=has_counts,
+        width=len(fields) if hides_places else 0,
+    )
     before = frozenset(line.strip() for line in lines[: layout.first_row]) - {""}
     return TableCleaner(dialect, columns, headers=before)
 
