@@ -16,6 +16,7 @@ from service.api.middleware.head import HeadMiddleware
 from service.api.middleware.request_log import RequestLogMiddleware
 from service.api.middleware.security_headers import SecurityHeadersMiddleware
 from service.api.openapi import add_description
+from service.api.route_methods import route_methods
 from service.api.routes import (
     aligned,
     clouds,
@@ -33,6 +34,7 @@ from service.api.routes import (
     site,
     uploads,
 )
+from service.api.threads import limit_threads
 from service.runtime import Role, open_runtime
 from service.settings import Settings
 from service.telemetry.metrics import Metrics
@@ -71,6 +73,7 @@ def create_app(settings: Settings | None = None, role: Role = "all") -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        limit_threads(waits_for_others=bool(settings.database_url or settings.blob.url))
         with open_runtime(settings, metrics, role) as app.state.runtime:
             yield
 
@@ -93,4 +96,5 @@ def create_app(settings: Settings | None = None, role: Role = "all") -> FastAPI:
     for module in (health,) if role == "worker" else ROUTE_MODULES:
         app.include_router(module.router)
     add_description(app)
+    route_methods(app, "/")  # builds the routes: the first request would wait 0.1 s for that
     return app

@@ -11,7 +11,7 @@ import errno
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from mpe_core import errors as core
 from service.formats.errors import CloudFileError, MissingAttributeError
@@ -268,6 +268,14 @@ class JobMemoryError(ServiceError):
 
     problem = ProblemType(507, "job-memory", "The registration needs too much memory")
 
+    @classmethod
+    def beyond(cls, limit_bytes: int) -> Self:
+        """Return the error of an attempt that needed more than its limit."""
+        return cls(
+            f"It needs more than the allowed {limit_bytes / 2**20:.0f} MiB: send smaller clouds, or"
+            " allow more (MPE_JOB_MEMORY_BYTES)."
+        )
+
 
 class WorkerLostError(ServiceError):
     """Every attempt ended without an answer of its worker."""
@@ -316,6 +324,11 @@ def is_out_of_descriptors(error: BaseException | None) -> bool:
 def is_disk_full(error: BaseException | None) -> bool:
     """Return whether the error, or one that it came from, is that of a full disk or quota."""
     return _has_errno(error, {errno.ENOSPC, errno.EDQUOT})
+
+
+def is_out_of_memory(error: BaseException | None) -> bool:
+    """Return whether the error is a lack of memory, or came from one that the system told."""
+    return isinstance(error, MemoryError) or _has_errno(error, {errno.ENOMEM})
 
 
 def _has_errno(error: BaseException | None, numbers: set[int]) -> bool:

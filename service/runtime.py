@@ -208,7 +208,7 @@ def open_runtime(settings: Settings, metrics: Metrics, role: Role = "all") -> It
             runtime.workers,
             Maintenance(_urgent_tasks(runtime, listening), DEADLINE_INTERVAL_S),
             Maintenance(_maintenance_tasks(runtime, listening), settings.maintenance_interval_s),
-            Maintenance([runtime.slots.announce], ANNOUNCE_INTERVAL_S),
+            Maintenance({"announce workers": runtime.slots.announce}, ANNOUNCE_INTERVAL_S),
             WebhookSender(jobs, runtime.outbox, settings, is_leader=lambda: listening.is_leader),
         ]
         for part in parts:
@@ -247,16 +247,18 @@ def _once_for_all(task: MaintenanceTask, listening: Listening) -> MaintenanceTas
     return lambda: task() if listening.is_leader else None
 
 
-def _urgent_tasks(runtime: Runtime, listening: Listening) -> list[MaintenanceTask]:
+def _urgent_tasks(runtime: Runtime, listening: Listening) -> dict[str, MaintenanceTask]:
     """Return the tasks that callers wait for."""
     transitions = runtime.transitions
-    return [
-        _once_for_all(transitions.fail_overdue, listening),
-        _once_for_all(lambda: transitions.expire_leases(runtime.workers.held_jobs()), listening),
-    ]
+    return {
+        "fail overdue": _once_for_all(transitions.fail_overdue, listening),
+        "expire leases": _once_for_all(
+            lambda: transitions.expire_leases(runtime.workers.held_jobs()), listening
+        ),
+    }
 
 
-def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[MaintenanceTask]:
+def _maintenance_tasks(runtime: Runtime, listening: Listening) -> dict[str, MaintenanceTask]:
     """Return the tasks in their order: what makes room first, rows before the files they need."""
     settings, database = runtime.settings, runtime.database
     decoded = DecodedCache(settings.data_dir)
@@ -282,18 +284,18 @@ def _maintenance_tasks(runtime: Runtime, listening: Listening) -> list[Maintenan
         if removed:
             log.info("removed %d unused objects of the bucket", removed)
 
-    return [
-        runtime.disk.adjust_fallback,
-        lambda: discard_scratch(settings.data_dir),
-        runtime.uploads.drop_expired,
-        _once_for_all(lambda: drop_expired(database), listening),
-        collect_blobs,
-        _once_for_all(collect_shared_blobs, listening),
-        _once_for_all(collect_direct_uploads, listening),
-        collect_decoded,
-        lambda: http_cache.prune(settings.data_dir, runtime.blobs),
-        _once_for_all(runtime.missing_workers.log, listening),
-    ]
+    return {
+        "adjust the fallback file": runtime.disk.adjust_fallback,
+        "discard scratch folders": lambda: discard_scratch(settings.data_dir),
+        "drop expired uploads": runtime.uploads.drop_expired,
+        "drop expired rows": _once_for_all(lambda: drop_expired(database), listening),
+        "collect blobs": collect_blobs,
+        "collect shared blobs": _once_for_all(collect_shared_blobs, listening),
+        "collect direct uploads": _once_for_all(collect_direct_uploads, listening),
+        "collect decoded clouds": collect_decoded,
+        "prune the HTTP cache": lambda: http_cache.prune(settings.data_dir, runtime.blobs),
+        "log missing workers": _once_for_all(runtime.missing_workers.log, listening),
+    }
 
 
 @contextmanager

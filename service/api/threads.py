@@ -10,6 +10,17 @@ from weakref import WeakKeyDictionary
 from anyio import CapacityLimiter, to_thread
 
 T = TypeVar("T")
+THREADS = 8
+"""Threads that all routes share: more of them keep the event loop waiting for the interpreter
+(docs/tuning.md, service.api)."""
+WAITING_THREADS = 40
+"""The same where database or files are on other machines: most of them wait for those."""
+
+
+def limit_threads(*, waits_for_others: bool) -> None:
+    """Bound the threads of the running event loop that all routes share."""
+    limiter = to_thread.current_default_thread_limiter()
+    limiter.total_tokens = WAITING_THREADS if waits_for_others else THREADS
 
 
 class OwnThreads:

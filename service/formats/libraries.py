@@ -7,15 +7,19 @@ from typing import Any
 
 from service.formats.errors import MissingLibraryError
 
+LIBRARIES = ("DracoPy", "h5py", "laspy", "pye57", "trimesh")
+"""Modules that `import_library` imports; the service loads all of them before a file is read."""
+
 
 def import_library(name: str) -> Any:
-    """Import the module `name`.
+    """Import the module `name`, one of LIBRARIES.
 
     Raises
     ------
     MissingLibraryError
         It is not installed; the message names the extra that installs it.
     """
+    assert name in LIBRARIES  # noqa: S101
     try:
         return import_module(name)
     except ModuleNotFoundError as error:

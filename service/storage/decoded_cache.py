@@ -93,11 +93,12 @@ class DecodedCache:
         """Move the new entry for a cloud, if there is one, from the scratch folder to the cache."""
         final = decoded_path(self._data_dir, tenant, sha256)
         if is_plain_file(scratch / final.name):
+            self._directory.mkdir(exist_ok=True)  # the operator may have removed it
             (scratch / final.name).replace(final)
 
     def collect(self, needed: set[tuple[str, str]]) -> None:
         """Remove the entries whose (tenant, content hash) is not needed."""
         names = {f"{sha256}-{tenant}" for tenant, sha256 in needed}
-        for path in self._directory.iterdir():
+        for path in self._directory.glob("*"):  # nothing, where it is missing
             if path.name.rpartition("-")[0] not in names:
                 path.unlink(missing_ok=True)

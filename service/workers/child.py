@@ -48,6 +48,9 @@ OUT_OF_MEMORY = (
     "The machine or its container ran out of memory, and the kernel ended the process: send"
     " smaller clouds, or give the service more memory or fewer workers (MPE_WORKERS)."
 )
+_LOADER_ABORT = 127
+"""Exit code of a process whose C library got no memory for a thread; no child executes a program,
+which is the other reason for this code."""
 _KILLED = f"its process was ended by {signal.SIGKILL.name}"
 
 
@@ -58,6 +61,10 @@ class ChildLostError(Exception):
     def is_killed(self) -> bool:
         """Whether the process was killed, as the kernel does where memory is short."""
         return str(self) == _KILLED
+
+
+class ChildMemoryError(ChildLostError):
+    """The child ended because it was allowed no more memory."""
 
 
 class NoProcessError(ChildLostError):
@@ -263,7 +270,8 @@ class Child:
             return NoProcessError("the process that it was forked from was ended, and it with that")
         if code < 0:
             return ChildLostError(f"its process was ended by {signal.Signals(-code).name}")
-        return ChildLostError(f"its process ended with code {code}")
+        reason = f"its process ended with code {code}"
+        return ChildMemoryError(reason) if code == _LOADER_ABORT else ChildLostError(reason)
 
 
 def stop_forkserver() -> None:

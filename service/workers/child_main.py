@@ -11,6 +11,7 @@ from service.problems import (
     INTERNAL,
     JobMemoryError,
     error_document,
+    is_out_of_memory,
     problem_document,
     problem_type,
 )
@@ -75,11 +76,10 @@ def answer_task(task: Task, report: ProgressReport) -> Answer:
     """Perform the task; whatever it raises becomes a Failed."""
     try:
         return task.perform(report)
-    except MemoryError:
-        limit = task.environment.limits.memory_bytes / 2**20
-        error: Exception = JobMemoryError(f"It needs more than the allowed {limit:.0f} MiB.")
     except Exception as caught:  # noqa: BLE001
-        error = caught
+        error: Exception = caught
+    if is_out_of_memory(error):
+        error = JobMemoryError.beyond(task.environment.limits.memory_bytes)
     if problem_type(error) is INTERNAL:
         log.error("unexpected error in a worker", exc_info=error)
         document = problem_document(INTERNAL, "The worker failed; the error was logged.")

@@ -29,7 +29,13 @@ from service.storage.disk_space import DiskSpace
 from service.storage.plain_file import is_plain_file
 from service.storage.scratch import scratch_folder
 from service.telemetry.json_logs import job_context
-from service.workers.child import OUT_OF_MEMORY, Child, ChildLostError, NoProcessError
+from service.workers.child import (
+    OUT_OF_MEMORY,
+    Child,
+    ChildLostError,
+    ChildMemoryError,
+    NoProcessError,
+)
 from service.workers.messages import Answer, Exported, Failed, Problem
 from service.workers.task import FileTask, TaskEnvironment
 
@@ -163,6 +169,8 @@ class Exporter:
                 raise NotReadyError("The service is stopping; retry later.") from lost
             if isinstance(lost, NoProcessError):
                 raise NotReadyError(f"The file was not written: {lost}. Retry later.") from lost
+            if isinstance(lost, ChildMemoryError):
+                raise JobMemoryError.beyond(self._settings.job_memory_bytes) from lost
             if lost.is_killed and count_oom_kills() > oom_kills:
                 raise JobMemoryError(OUT_OF_MEMORY) from lost
             raise WorkerLostError(f"The file could not be written: {lost}.") from lost

@@ -4,33 +4,39 @@ from __future__ import annotations
 
 import gc
 import os
+from importlib import import_module
+from pkgutil import iter_modules, walk_packages
+from types import ModuleType
 
-import DracoPy  # noqa: F401
-import h5py  # noqa: F401
-import laspy  # noqa: F401
-import pye57  # noqa: F401
-import trimesh  # noqa: F401
-
-from mpe_core import deviation, register  # noqa: F401
-from mpe_core.kernels import cell_filter, decimal_rows, lzf  # noqa: F401
-from service.schemas import deviation as deviation_schema  # noqa: F401
-from service.schemas import serialize_result  # noqa: F401
+import mpe_core
+from service import formats, report, schemas, workers
+from service.formats.libraries import LIBRARIES, import_library
 from service.telemetry.json_logs import configure_logs
-from service.workers import (  # noqa: F401
-    child_main,
-    export_aligned,
-    export_deviation,
-    export_preview,
-    export_report,
-    fetch_inputs,
-    register_clouds,
-)
+from service.workers import child_main  # noqa: F401
 from service.workers.sandbox.confinement import library_paths
 from service.workers.sandbox.limits import (
     die_with_parent,
     forbid_inspection,
     remember_forkserver,
 )
+
+TASKS = ("export_", "fetch_", "register_")
+"""Beginnings of the names of the modules of `service.workers` that define tasks."""
+
+
+def import_package(package: ModuleType) -> None:
+    """Import all modules of a package, those of its kernels included."""
+    for module in walk_packages(package.__path__, f"{package.__name__}."):
+        import_module(module.name)
+
+
+for each in (mpe_core, formats, report, schemas):
+    import_package(each)
+for task in iter_modules(workers.__path__, f"{workers.__name__}."):
+    if task.name.rpartition(".")[2].startswith(TASKS):
+        import_module(task.name)
+for library in LIBRARIES:
+    import_library(library)
 
 forbid_inspection()
 remember_forkserver()

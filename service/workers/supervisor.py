@@ -37,7 +37,13 @@ from service.storage.decoded_cache import DecodedCache
 from service.storage.disk_space import DiskSpace
 from service.storage.scratch import count_bytes, scratch_folder
 from service.workers.attempt_limits import AttemptLimits
-from service.workers.child import OUT_OF_MEMORY, Child, ChildLostError, NoProcessError
+from service.workers.child import (
+    OUT_OF_MEMORY,
+    Child,
+    ChildLostError,
+    ChildMemoryError,
+    NoProcessError,
+)
 from service.workers.child_files import store_fetched, store_result
 from service.workers.fetch_inputs import FetchInputs, aws_variables, is_fetched_once
 from service.workers.lease import HEARTBEAT_SHARE, kept_lease
@@ -108,6 +114,9 @@ class AttemptSupervisor:
                 reason = str(error)
                 _retry_while_unavailable(lambda: self.transitions.interrupt(job, reason))
                 log.warning("attempt %d was interrupted: %s", job.attempt, reason)
+            except ChildMemoryError:
+                document = error_document(JobMemoryError.beyond(self.settings.job_memory_bytes))
+                _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
             except ChildLostError as lost:
                 reason = str(lost)
                 if lost.is_killed and count_oom_kills() > oom_kills:

@@ -60,6 +60,12 @@ def test_what_one_tenant_needs_no_more_is_dropped(prepared: DecodedCache, tmp_pa
     assert decodings(prepared, scratch, "lab") == 1
 
 
+def test_the_folder_may_be_removed_at_any_time(prepared: DecodedCache, tmp_path: Path) -> None:
+    (tmp_path / "prepared").rmdir()
+    prepared.collect(set())
+    assert decodings(prepared, tmp_path / "scratch", "lab", "lab") == 1
+
+
 def test_a_link_is_not_taken_up(prepared: DecodedCache, tmp_path: Path) -> None:
     final = decoded_path(tmp_path, "lab", HASH)
     (tmp_path / "secret").write_text("secret")

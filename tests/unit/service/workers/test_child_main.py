@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,8 +70,9 @@ def test_a_foreseen_error_keeps_its_type_and_text(error: Exception, kind: str, s
     assert (problem.status, problem.detail) == (status, str(error))
 
 
-def test_a_lack_of_memory_names_the_limit() -> None:
-    problem = failure(MemoryError()).problem
+@pytest.mark.parametrize("error", [MemoryError(), OSError(errno.ENOMEM, "no map")], ids=repr)
+def test_a_lack_of_memory_names_the_limit(error: Exception) -> None:
+    problem = failure(error).problem
     assert problem.type == "urn:mpe:problem:job-memory"
     assert "300 MiB" in problem.detail
 

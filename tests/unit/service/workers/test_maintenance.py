@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 
 import pytest
 
+from service.problems import NotReadyError
 from service.workers.maintenance import Maintenance
 
 
@@ -18,10 +20,32 @@ def test_a_task_that_fails_is_logged_and_the_others_are_called(
         called.append("second")
         raise ZeroDivisionError
 
-    tasks = [lambda: called.append("first"), fail, lambda: called.append("third")]
+    tasks = {
+        "one": lambda: called.append("first"),
+        "two": fail,
+        "three": lambda: called.append("third"),
+    }
     Maintenance(tasks, 1.0).run_once()
     assert called == ["first", "second", "third"]
-    assert "ZeroDivisionError" in caplog.text
+    (record,) = caplog.records
+    assert record.levelname == "ERROR"
+    assert "'two' failed" in record.getMessage()
+    assert "ZeroDivisionError()" in record.getMessage()
+
+
+@pytest.mark.parametrize(
+    "error", [NotReadyError("the store is away"), OSError(errno.ENOSPC, "no space")]
+)
+def test_a_task_that_waits_for_store_or_disk_is_no_error(
+    caplog: pytest.LogCaptureFixture, error: Exception
+) -> None:
+    def fail() -> None:
+        raise error
+
+    Maintenance({"wait": fail}, 1.0).run_once()
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert repr(error) in record.getMessage()
 
 
 def test_a_task_that_goes_on_failing_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -31,15 +55,15 @@ def test_a_task_that_goes_on_failing_is_logged_once(caplog: pytest.LogCaptureFix
         if fails:
             raise ZeroDivisionError
 
-    maintenance = Maintenance([task], 1.0)
+    maintenance = Maintenance({"task": task}, 1.0)
     maintenance.run_once()
     maintenance.run_once()
-    assert caplog.text.count("a maintenance task failed") == 1
+    assert caplog.text.count("the maintenance task 'task' failed") == 1
     fails = False
     maintenance.run_once()
     fails = True
     maintenance.run_once()
-    assert caplog.text.count("a maintenance task failed") == 2
+    assert caplog.text.count("the maintenance task 'task' failed") == 2
 
 
 def test_tasks_are_called_again_and_again_until_it_stops() -> None:
@@ -51,7 +75,7 @@ def test_tasks_are_called_again_and_again_until_it_stops() -> None:
         if count == 3:
             seen.set()
 
-    maintenance = Maintenance([task], 0.001)
+    maintenance = Maintenance({"task": task}, 0.001)
     maintenance.start()
     assert seen.wait(30)
     maintenance.stop()

@@ -22,7 +22,7 @@ from service.problems import NotReadyError, error_document
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers import supervisor as module
-from service.workers.child import Child, ChildLostError
+from service.workers.child import Child, ChildLostError, ChildMemoryError
 from service.workers.fetch_inputs import FetchInputs
 from service.workers.messages import (
     Exported,
@@ -233,6 +233,15 @@ def test_a_missing_input_is_told_as_such(attempts: Attempts) -> None:
     assert job.error is not None
     assert (job.error["status"], job.error["type"]) == (410, "urn:mpe:problem:expired")
     assert job.error["detail"].startswith("target: ")
+
+
+def test_a_child_that_gets_no_more_memory_is_not_tried_again(attempts: Attempts) -> None:
+    attempts.add()
+    job = attempts.run([ChildMemoryError("its process ended with code 127")])
+    assert job.status == "failed"
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:job-memory"
+    assert "MPE_JOB_MEMORY_BYTES" in job.error["detail"]
 
 
 def test_a_job_that_the_kernel_ends_for_want_of_memory_says_so(
