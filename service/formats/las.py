@@ -172,6 +172,8 @@ def _check_header(head: bytes, size: int, limits: ReadLimits) -> _PublicHeader:
         )
     if not np.isfinite(struct.unpack_from("<6d", head, 131)).all():
         raise MalformedFileError("byte 131: a scale or offset is not finite")
+    if 0.0 in struct.unpack_from("<3d", head, 131):
+        raise MalformedFileError("byte 131: a scale is 0, so that all points lie in a plane")
     check_count(count, 0 if compressed else row, size - offset, "byte 107", limits)
     check_density(count, size, "byte 107")
     by_return = struct.unpack_from("<15Q", head, 255) if minor >= 4 else ()

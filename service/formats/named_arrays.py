@@ -15,6 +15,7 @@ from service.formats.decoded_cloud import DecodedCloud
 from service.formats.errors import (
     MalformedFileError,
     MissingAttributeError,
+    UnsupportedFileError,
     missing_attribute,
 )
 from service.formats.unnamed_columns import name_columns
@@ -30,6 +31,8 @@ _MAX_ARRAYS = 64
 """Arrays beside the points that are kept."""
 _MAX_PARTS = 64
 """Numbers of an array for each point that are kept."""
+_MAX_COLUMNS = 9
+"""Columns of three to six rows from which on the rows are the coordinates."""
 _NORMALS = "normals"
 _MAX_LISTED = 20
 """Names that a message lists."""
@@ -86,7 +89,10 @@ def cloud_of_arrays(
     used = {name, _NORMALS, weights}
     others = sorted(set(arrays) - {name, _NORMALS}) if attributes else []
     for other in others[:_MAX_ARRAYS]:
-        columns = _array_columns(other, _flat(arrays[other]()), count)
+        try:
+            columns = _array_columns(other, _flat(arrays[other]()), count)
+        except UnsupportedFileError:  # of pickled objects
+            columns = {}
         kept |= columns
         used |= {other} if columns else set()
     ignored = len(set(arrays) - used)
@@ -158,9 +164,15 @@ def _flat(array: Array) -> Array:
 def extra_fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | None]:
     """Return the fields of a structured array beside the coordinates."""
     names = array.dtype.names or ()
-    places = find_xyz(names) or ()
+    places = [names[place] for place in find_xyz(names) or ()] or [_find_vector(array.dtype)]
     records = cast("NDArray[np.void]", array)
-    return {name: records[name] for i, name in enumerate(names) if i not in places}
+    return {name: records[name] for name in names if name not in places}
+
+
+def _find_vector(dtype: np.dtype[np.generic]) -> str | None:
+    """Return the field of three numbers that is called points, xyz, position, ...; else None."""
+    shapes = {name: (dtype.fields or {})[name][0].shape for name in dtype.names or ()}
+    return next((name for name in _POINT_ARRAYS if shapes.get(name) == (3,)), None)
 
 
 def with_attribute(
@@ -217,6 +229,10 @@ def to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
     """Make a cloud of an (N, 3 or more) or (H, W, 3) array, or one with the fields x, y, z."""
     if array.dtype.names:
         names = array.dtype.names
+        vector = _find_vector(array.dtype)
+        if vector is not None and find_xyz(names) is None:
+            points = cast("NDArray[np.void]", array.reshape(-1))[vector]
+            return DecodedCloud(_floats(points), format)
         xyz, normals = find_xyz(names), find_normals(names)
         if xyz is None or array.ndim not in (1, 2):
             raise MalformedFileError(
@@ -232,13 +248,14 @@ def to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
         table = np.stack([_floats(records[names[i]]) for i in xyz + (normals or ())], axis=1)
         return DecodedCloud(table[:, :3], format, (), table[:, 3:] if normals else None)
     if array.ndim == 3 and array.shape[2] == 3:
-        return DecodedCloud(_floats(array.reshape(-1, 3)), format)
+        return DecodedCloud(_floats(array.reshape(-1, 3)), format, _warn_of_image(array.shape))
     if array.ndim != 2 or array.shape[1] < 3:
         raise MalformedFileError(f"an array of shape {array.shape}; expected (N, 3)")
     if is_transposed(array.shape):
         return DecodedCloud(
             _floats(array[:3].T), format, (f"the shape {array.shape} is read as its transpose",)
         )
+    _refuse_matrix(array)
     extra = array.shape[1] - 3
     warnings = (f"{extra} columns after x, y, z are ignored",) if extra else ()
     return DecodedCloud(_floats(array[:, :3]), format, warnings)
@@ -246,7 +263,36 @@ def to_cloud(array: NDArray[np.generic], format: str) -> DecodedCloud:
 
 def is_transposed(shape: tuple[int, ...]) -> bool:
     """Whether an array of few rows and many columns has the coordinates in its rows."""
-    return len(shape) == 2 and shape[0] in (3, 4, 6) and shape[1] > _MAX_PARTS
+    return len(shape) == 2 and shape[0] in (3, 4, 6) and shape[1] > _MAX_COLUMNS
+
+
+def _warn_of_image(shape: tuple[int, ...]) -> tuple[str, ...]:
+    """Say that an array is read as one scan in rows and columns, and not as several clouds."""
+    rows, columns = shape[:2]
+    if 1 in (rows, columns):
+        return ()
+    return (
+        f"the shape {shape} is read as one scan of {rows} rows and {columns} columns; if it holds "
+        "several clouds, save one of them",
+    )
+
+
+def _refuse_matrix(array: Array) -> None:
+    """Refuse a transformation matrix.
+
+    Raises
+    ------
+    UnsupportedFileError
+        The first three rows and columns are a rotation, and the last row is 0, 0, 0, 1.
+    """
+    if array.shape != (4, 4) or array.dtype.kind not in "fiu":
+        return
+    matrix = array.astype(np.float64)
+    is_rotation = np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), rtol=0, atol=1e-3)
+    if is_rotation and (matrix[3] == (0, 0, 0, 1)).all():
+        raise UnsupportedFileError(
+            "the array is a transformation matrix, not points; send a cloud of points"
+        )
 
 
 def _floats(array: NDArray[np.generic]) -> NDArray[np.floating]:

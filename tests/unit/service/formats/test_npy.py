@@ -46,6 +46,36 @@ def test_ignored_columns_are_reported(tmp_path: Path) -> None:
     assert "columns after" in decode(tmp_path, npy(np.hstack([POINTS, NORMALS]))).warnings[0]
 
 
+def test_few_rows_of_many_columns_are_coordinates(tmp_path: Path) -> None:
+    for array in (POINTS.T, np.vstack([POINTS.T, np.ones(40)])):
+        cloud = decode(tmp_path, npy(np.ascontiguousarray(array)))
+        np.testing.assert_array_equal(cloud.points, POINTS)
+        assert "transpose" in cloud.warnings[0]
+
+
+def test_a_transformation_matrix_is_no_cloud(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedFileError, match="matrix"):
+        decode(tmp_path, npy(np.eye(4)))
+
+
+def test_arrays_that_may_be_several_clouds_are_told(tmp_path: Path) -> None:
+    assert "2 rows and 20 columns" in decode(tmp_path, npy(POINTS.reshape(2, 20, 3))).warnings[0]
+
+
+def test_a_field_of_three_numbers_holds_the_points(tmp_path: Path) -> None:
+    records = np.zeros(40, [("id", "i4"), ("position", "f4", 3), ("velocity", "f4", 3)])
+    records["position"] = POINTS
+    cloud = read_points(write_file(tmp_path, npy(records)), attributes=True)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    assert set(cloud.attributes) == {"id", *(f"velocity:{i}" for i in range(3))}
+
+
+def test_pickles_beside_the_points_are_left_out(tmp_path: Path) -> None:
+    about = np.array([{"made": "by hand"}], object)
+    cloud = read_points(write_file(tmp_path, npz(points=POINTS, about=about)), attributes=True)
+    assert "1 arrays beside 'points' are ignored" in cloud.warnings
+
+
 UNCLEAR = {
     "complex numbers": (npy(POINTS.astype(np.complex64)), "complex64"),
     "two columns": (npy(POINTS[:, :2]), "(40, 2)"),
