@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,14 +164,15 @@ def _flat(array: Array) -> Array:
 def extra_fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | None]:
     """Return the fields of a structured array beside the coordinates."""
     names = array.dtype.names or ()
-    places = [names[place] for place in find_xyz(names) or ()] or [_find_vector(array.dtype)]
+    places: set[str | None] = {names[place] for place in find_xyz(names) or ()}
+    places = places or {_find_vector(array.dtype)}
     records = cast("NDArray[np.void]", array)
     return {name: records[name] for name in names if name not in places}
 
 
-def _find_vector(dtype: np.dtype[np.generic]) -> str | None:
+def _find_vector(dtype: np.dtype[Any]) -> str | None:
     """Return the field of three numbers that is called points, xyz, position, ...; else None."""
-    shapes = {name: (dtype.fields or {})[name][0].shape for name in dtype.names or ()}
+    shapes = {name: dtype[name].shape for name in dtype.names or ()}
     return next((name for name in _POINT_ARRAYS if shapes.get(name) == (3,)), None)
 
 
