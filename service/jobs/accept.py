@@ -66,8 +66,7 @@ def accept_job(
         if tenant_queue_limit is not None:
             queued = count_jobs(connection, "queued", job.tenant)
             check_tenant_queue_limit(queued, tenant_queue_limit)
-        for queue in get_args(JobQueue):
-            enter_queue(connection, job.tenant, queue)
+        enter_queue(connection, job.tenant, *get_args(JobQueue))
     connection.execute(insert(jobs), asdict(job))
     record = record_end if job.status == "succeeded" else record_change
     record(connection, job.id)

@@ -82,10 +82,10 @@ def record_turn(connection: Connection, tenant: str, queue: str) -> None:
         connection.execute(insert(turns).values(tenant=tenant, queue=queue, turn=turn))
 
 
-def enter_queue(connection: Connection, tenant: str, queue: JobQueue) -> None:
-    """Let the tenant take turns in the queue, before its first job there; it goes first."""
-    own = and_(turns.c.tenant == tenant, turns.c.queue == queue)
-    if connection.scalar(select(turns.c.turn).where(own)) is None:
+def enter_queue(connection: Connection, tenant: str, *queues: JobQueue) -> None:
+    """Let the tenant take turns in the queues, before its first job there; it goes first."""
+    query = select(turns.c.queue).where(turns.c.tenant == tenant)
+    for queue in set(queues) - set(connection.scalars(query)):
         connection.execute(insert(turns).values(tenant=tenant, queue=queue, turn=0))
 
 

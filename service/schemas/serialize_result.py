@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -16,6 +17,9 @@ INLIER_DTYPE = np.dtype([("source", "<i8"), ("target", "<i8"), ("distance", "<f8
 """Row of the inliers' .npy file."""
 
 _PAIRS, _PAIRS_END = b'"pairs":[[', b"]]"
+_PAIR_ROWS = re.compile(rb"\[\d{1,19},\d{1,19}\](?:,\[\d{1,19},\d{1,19}\])*")
+_STEP_BYTES = 1 << 14
+"""Text of pairs that is checked at once: meanwhile no other thread of the process runs."""
 
 ROWS_PER_CHUNK = 4000
 """Inlier rows rendered at once: meanwhile no other thread of the process runs."""
@@ -60,17 +64,42 @@ def render_result(found: Registration, file_warnings: Sequence[str] = ()) -> byt
     )
 
 
-def read_summary(document: bytes) -> dict[str, Any]:
-    """Parse what `render_result` has rendered, without its inlier pairs.
+def split_pairs(document: bytes) -> tuple[bytes, bytes]:
+    """Divide what `render_result` has rendered: the result with null for its pairs, and the pairs.
 
     Up to MAX_INLINE_PAIRS are nearly all of the text, and no other thread runs while it is parsed.
     """
     start = document.find(_PAIRS)  # within a string its quotes would be escaped
-    if start >= 0:
-        end = document.index(_PAIRS_END, start) + len(_PAIRS_END)
-        document = document[:start] + b'"pairs":null' + document[end:]
-    summary: dict[str, Any] = json.loads(document)
+    end = document.find(_PAIRS_END, start)
+    if start < 0 or end < 0:
+        return document, b""
+    end += len(_PAIRS_END)
+    pairs = document[start + len(_PAIRS) - 2 : end]
+    return document[:start] + b'"pairs":null' + document[end:], pairs
+
+
+def read_summary(document: bytes) -> dict[str, Any]:
+    """Parse a rendered result without its pairs."""
+    summary: dict[str, Any] = json.loads(split_pairs(document)[0])
     return summary
+
+
+def count_pairs(text: bytes) -> int:
+    """Return the number of pairs in `[[0,0],[1,4]]`, checked in short steps.
+
+    Raises
+    ------
+    ValueError
+        The text is anything else.
+    """
+    count, start, end = 0, 1, len(text) - 1
+    while start < end:
+        stop = text.find(b"],[", min(start + _STEP_BYTES, end)) + 1 or end
+        if not _PAIR_ROWS.fullmatch(text, start, stop):
+            raise ValueError("the inlier pairs are no pairs of row numbers")
+        count += text.count(b"[", start, stop)
+        start = stop + 1
+    return count
 
 
 def inlier_array(inliers: Inliers) -> NDArray[np.void]:

@@ -14,15 +14,16 @@ from pydantic import ValidationError
 
 from service.outbound import CachedFile, HttpCache, Validators
 from service.schemas.result import Result
-from service.schemas.serialize_result import INLIER_DTYPE
+from service.schemas.serialize_result import INLIER_DTYPE, count_pairs, split_pairs
 from service.storage.blobs import Blob, BlobStore
 from service.storage.plain_file import NotPlainFileError, is_plain_file, open_plain_file
 from service.workers.child import ChildLostError
 from service.workers.messages import FetchedFile
 from service.workers.register_clouds import INLIERS_NAME, RESULT_NAME
 
-MAX_RESULT_BYTES = 64 << 20
-"""Length of a result document; one with MAX_INLINE_PAIRS has 2 MB."""
+MAX_RESULT_BYTES = 4 << 20
+"""Length of a result document; one with MAX_INLINE_PAIRS has 1.4 MB, or 2.4 MB where the clouds
+have billions of points."""
 
 
 def store_result(scratch: Path, blobs: BlobStore) -> tuple[Blob, Blob]:
@@ -36,12 +37,15 @@ def store_result(scratch: Path, blobs: BlobStore) -> tuple[Blob, Blob]:
     try:
         with open_plain_file(scratch / RESULT_NAME) as file:
             content = file.read(MAX_RESULT_BYTES + 1)
-        result = Result.model_validate_json(content[:MAX_RESULT_BYTES])
+        document, pairs = split_pairs(content[:MAX_RESULT_BYTES])
+        result = Result.model_validate_json(document)
+        is_complete = not pairs or count_pairs(pairs) == result.inliers.count
         inliers = _copy(scratch / INLIERS_NAME, blobs)
         rows = np.load(blobs.path(inliers.sha256), mmap_mode="r", allow_pickle=False)
     except (NotPlainFileError, ValidationError, ValueError, EOFError) as error:
         raise ChildLostError("its result is missing or not valid") from error
-    if rows.dtype != INLIER_DTYPE or rows.shape != (result.inliers.count,):
+    has_rows = rows.dtype == INLIER_DTYPE and rows.shape == (result.inliers.count,)
+    if not (has_rows and is_complete):
         raise ChildLostError("its inlier pairs are not those of its result")
     return blobs.put([content]), inliers
 

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from service.schemas import InlierList, serialize_result
-from service.schemas.serialize_result import INLIER_DTYPE, iter_inliers_json, read_summary
+from service.schemas.serialize_result import (
+    INLIER_DTYPE,
+    count_pairs,
+    iter_inliers_json,
+    read_summary,
+    split_pairs,
+)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 10])
@@ -48,3 +54,35 @@ def test_a_summary_is_the_result_without_its_pairs(
         "inliers": {"count": count, "pairs": None if count else []}
     }
     assert max(lengths) < 200
+
+
+@pytest.mark.parametrize("count", [1, 2, 5000])
+def test_pairs_are_counted_in_steps(count: int) -> None:
+    pairs = json.dumps([[i, 7 * i] for i in range(count)], separators=(",", ":")).encode()
+    document, text = split_pairs(b'{"inliers":{"pairs":' + pairs + b'},"rmse":1}')
+    assert json.loads(document) == {"inliers": {"pairs": None}, "rmse": 1}
+    assert text == pairs
+    assert count_pairs(text) == count
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "[1]",
+        "[1,2,3]",
+        "[1,-2]",
+        "[1,2.5]",
+        "[1,2",
+        "1,2]",
+        '["1",2]',
+        "[[1,2]]",
+        " ",
+        "null",
+        "{}",
+    ],
+)
+@pytest.mark.parametrize("before", [0, 5000])
+def test_what_is_no_pair_is_refused(row: str, before: int) -> None:
+    text = "[" + ",".join(["[1,2]"] * before + [row]) + "]"
+    with pytest.raises(ValueError, match="no pairs"):
+        count_pairs(text.encode())

@@ -275,7 +275,16 @@ def test_a_fetch_that_leaves_out_a_file_is_a_lost_child(attempts: Attempts) -> N
 
 
 @pytest.mark.parametrize(
-    "files", [{}, FILES | {RESULT_NAME: b"{}"}, FILES | {INLIERS_NAME: FILES[INLIERS_NAME][:-1]}]
+    "files",
+    [
+        {},
+        FILES | {RESULT_NAME: b"{}"},
+        FILES | {INLIERS_NAME: FILES[INLIERS_NAME][:-1]},
+        *(
+            FILES | {RESULT_NAME: FILES[RESULT_NAME].replace(b"[[0,0],[1,1]]", pairs)}
+            for pairs in (b'[[0,0],"x"]]', b"[[0,0]]", b"[[0,0],[1,1],[1,1]]", b"[[0,0],[1,1]")
+        ),
+    ],
 )
 def test_a_result_that_is_not_valid_is_a_lost_child(
     attempts: Attempts, files: dict[str, bytes]
