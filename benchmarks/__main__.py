@@ -16,6 +16,7 @@ from benchmarks.queue import QUEUE
 from benchmarks.scaling import SCALING
 from benchmarks.scenes import SCENES_EXPERIMENT
 from benchmarks.service_load import LOAD
+from benchmarks.sizing import SIZING
 from benchmarks.threads import THREADS
 
 if __name__ == "__main__":
@@ -37,6 +38,7 @@ if __name__ == "__main__":
             LOAD,
             QUEUE,
             CLUSTER,
+            SIZING,
         ],
         "python -m benchmarks",
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pwd
 import shutil
@@ -13,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from uuid import uuid4
 
+import psutil
 import psycopg
 
 from tests.factories.waiting import until
@@ -83,6 +85,22 @@ class Postgres:
     def socket(self) -> Path:
         """Where it listens."""
         return self._directory / ".s.PGSQL.5432"
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time of the server and all its connections, in seconds.
+
+        The time of a connection that has ended counts as its parent's children's.
+        """
+        assert self._server is not None
+        server = psutil.Process(self._server.pid)
+        ended = server.cpu_times()
+        total = ended.user + ended.system + ended.children_user + ended.children_system
+        for connection in server.children(recursive=True):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                times = connection.cpu_times()
+                total += times.user + times.system
+        return float(total)
 
     def _end(self, number: signal.Signals) -> None:
         assert self._server is not None

@@ -10,6 +10,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import httpx
+import psutil
 
 from service.settings import BlobSettings
 from tests.factories.server import free_port
@@ -53,6 +54,13 @@ class S3Server:
         assert self._process is not None
         self._process.kill()
         self._process.wait()
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time since it was started, in seconds."""
+        assert self._process is not None
+        times = psutil.Process(self._process.pid).cpu_times()
+        return float(times.user + times.system)
 
     def _answers(self) -> bool:
         assert self._process is not None
