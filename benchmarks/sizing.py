@@ -88,7 +88,10 @@ def _measure_run(load: Load, postgres: Postgres, url: str, s3: S3Server) -> Resu
     time.sleep(1)  # the statistics of the server are late
     after, files = _database_usage(url), _files(s3)
     per_job: dict[str, float] = {name: (after[name] - before[name]) / load.jobs for name in after}
+    # each transaction asks whether its connection lives, begins, and commits
+    round_trips = costs.statements / load.jobs + 3 * per_job["transactions"]
     per_job |= {
+        "round trips": round_trips,
         "database, ms of a core": 1000 * (postgres.cpu_s - database_before_s) / load.jobs,
         "store, ms of a core": 1000 * (s3.cpu_s - store_before_s) / load.jobs,
         "objects": (files[0] - files_before[0]) / load.jobs,
@@ -104,7 +107,6 @@ def _described(load: Load, costs: Costs) -> dict[str, Any]:
         "jobs": load.jobs,
         "per_s": load.jobs / costs.seconds,
         "ideal_per_s": load.ideal_per_s,
-        "statements": costs.statements / load.jobs,
         "worker_ms": 1000 * costs.cpu_s / load.jobs,
     }
 
@@ -134,12 +136,12 @@ def table(result: Result) -> str:
         for points, each in result["registrations"].items()
     ]
     runs = [
-        (run["workers"], run["sleep_s"], run["per_s"], run["ideal_per_s"], run["statements"])
+        (run["workers"], run["sleep_s"], run["per_s"], run["ideal_per_s"], run["worker_ms"])
         for run in result["runs"]
     ]
     names = list(result["runs"][0]["per_job"])
     costs = [
-        (f"{run['workers']} x {run['sleep_s']:.2f} s", *(run["per_job"][name] for name in names))
+        (f"{run['workers']} of {run['sleep_s']:.2f} s", *(run["per_job"][name] for name in names))
         for run in result["runs"]
     ]
     return (
@@ -152,7 +154,7 @@ def table(result: Result) -> str:
         "twice a second whether its attempt is current, extends its lease, records progress, "
         "stores two objects and commits, as a worker does; 16 threads a process. `ideal` is what "
         "they would do without a queue.\n\n"
-        + markdown(("workers", "sleep s", "1/s", "ideal 1/s", "statements a job"), runs)
+        + markdown(("workers", "sleep s", "1/s", "ideal 1/s", "ms of a core of the worker"), runs)
         + "\n\n**What one of these registrations costs** database and store:\n\n"
         + markdown(("workers", *names), costs)
         + "\n\n**Extrapolated** from these figures, not measured:\n\n"
