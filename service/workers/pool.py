@@ -161,6 +161,8 @@ class WorkerPool:
         while not self._stopping.is_set():
             try:
                 serve(supervisor)
+            except NotReadyError:  # logged where it is met
+                self._stopping.wait(POLL_INTERVAL_S)
             except Exception:
                 log.exception("a worker thread met an unexpected error and goes on")
                 self._stopping.wait(POLL_INTERVAL_S)

@@ -115,8 +115,11 @@ class AttemptSupervisor:
                 _retry_while_unavailable(lambda: self.transitions.interrupt(job, reason))
                 log.warning("attempt %d was interrupted: %s", job.attempt, reason)
             except ChildMemoryError:
-                document = error_document(JobMemoryError.beyond(self.settings.job_memory_bytes))
-                _retry_while_unavailable(lambda: self.transitions.fail(job, document, {}))
+                error = JobMemoryError.beyond(self.settings.job_memory_bytes)
+                self._end_for_memory(job, error_document(error), {})
+            except NotReadyError:
+                log.warning("attempt %d was given up: the job store did not answer", job.attempt)
+                raise
             except ChildLostError as lost:
                 reason = str(lost)
                 if lost.is_killed and count_oom_kills() > oom_kills:

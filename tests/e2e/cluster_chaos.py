@@ -85,6 +85,7 @@ class ClusterChaos:
         self._check_callbacks(ended)
         seconds = time.monotonic() - self._started
         recovery_s = find_recoveries(self.database, self._killer.losses)
+        self._report(f"killed workers: {describe(recovery_s)} s to the next attempt")
         refused = self._cut_network()
         self._report("the late result was refused")
         self._check_nothing_is_left()
@@ -178,20 +179,27 @@ class ClusterChaos:
             return list(connection.scalars(select(deliveries.c.status)))
 
     def _cut_network(self) -> str:
-        """Cut a worker off until another one has done its job; return what became of its result."""
+        """Cut a worker off until another one has done its job; return what became of its result.
+
+        It is suspended meanwhile, so that it has its result only when the other one has ended,
+        however busy the machine is; the network comes back after that.
+        """
         first, *others = self.cluster.workers
         cloud = as_npy(arms(self.seed + 1, CUT_POINTS))
         headers = self._auth(0)
-        with ExitStack() as stack:
-            for each in others:
-                stack.enter_context(suspended(each))
-            answer = submit(self.cluster.apis[0].client, cloud, cloud, headers=headers)
-            job_id = answer.json()["id"]
-            until(lambda: workers(first))
-            self.cluster.network.cut()
-        ended = self._finished(job_id, 0)
+        with ExitStack() as first_waits:
+            with ExitStack() as others_wait:
+                for each in others:
+                    others_wait.enter_context(suspended(each))
+                answer = submit(self.cluster.apis[0].client, cloud, cloud, headers=headers)
+                job_id = answer.json()["id"]
+                until(lambda: workers(first))
+                self.cluster.network.cut()
+                first_waits.enter_context(suspended(first))
+            ended = self._finished(job_id, 0)
         assert (ended["status"], ended["attempt"]) == ("succeeded", 2), ended
         before = self._row(job_id)
+        until(lambda: not workers(first), within_s=300)
         self.cluster.network.mend()
         until(lambda: "came too late and was refused" in first.log)
         assert self._row(job_id) == before

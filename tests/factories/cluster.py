@@ -88,7 +88,11 @@ def _service(directory: Path, command: tuple[str, ...], settings: dict[str, obje
 
 def _dial(postgres: Postgres) -> socket.socket:
     server = socket.socket(socket.AF_UNIX)
-    server.connect(str(postgres.socket))
+    try:
+        server.connect(str(postgres.socket))
+    except OSError:  # it is killed at this moment
+        server.close()
+        raise
     return server
 
 
