@@ -12,7 +12,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
-from sqlalchemy import insert, literal, select, text
+import psycopg
+from sqlalchemy import insert, literal, select
 
 from benchmarks.experiment import Experiment, Result, markdown
 from service.database.engine import Database, open_database
@@ -39,29 +40,30 @@ A_JOBS, B_JOBS, FAIR_WORKERS = 500, 5, 2
 def run() -> Result:
     """Measure, and return the figures that the page shows."""
     results: Result = {}
-    for name, open_one in _databases():
-        with open_one() as database:
+    for name, new_url in _databases():
+        url = new_url()
+        with closing(open_database(url)) as database:
+            fill(database)
+            settle(url)
             results[name] = {"rows": measure_rows(database)}
-        with open_one() as database:
+        with closing(open_database(new_url())) as database:
             results[name]["fairness"] = measure_fairness(database)
         results[name]["workers"] = {}
         for number in WORKERS:
-            with open_one() as database:
+            with closing(open_database(new_url())) as database:
                 results[name]["workers"][str(number)] = drain(database, number)
     return results
 
 
-def _databases() -> Iterator[tuple[str, Callable[[], closing[Database]]]]:
+def _databases() -> Iterator[tuple[str, Callable[[], str]]]:
+    """Yield the name of each database, and what returns the URL of a new one."""
     with tempfile.TemporaryDirectory() as directory:
         numbers = iter(range(1000))
-        yield (
-            "SQLite",
-            lambda: closing(open_database(f"sqlite:///{Path(directory)}/{next(numbers)}.sqlite3")),
-        )
+        yield "SQLite", lambda: f"sqlite:///{Path(directory)}/{next(numbers)}.sqlite3"
     programs = find_programs()
     if programs is not None:
         with _durable_postgres(programs) as postgres:
-            yield "PostgreSQL", lambda: closing(open_database(postgres.new_database()))
+            yield "PostgreSQL", postgres.new_database
 
 
 @contextmanager
@@ -84,8 +86,13 @@ def fill(database: Database, rows: int = ROWS, tenants: int = TENANTS) -> None:
         state = (jobs.c.id, literal(1), jobs.c.created_at, jobs.c.status, jobs.c.stage)
         rows_of_events = select(*state, jobs.c.fraction)
         connection.execute(insert(events).from_select(list(events.c), rows_of_events))
-    with database.write() as connection:  # as autovacuum does after a while
-        connection.execute(text("ANALYZE"))
+
+
+def settle(url: str) -> None:
+    """Do what autovacuum does after a while; SQLite has nothing of the kind."""
+    if url.startswith("postgresql"):
+        with psycopg.connect(url, autocommit=True) as connection:
+            connection.execute("VACUUM ANALYZE")
 
 
 def _row(number: int, tenants: int, began_at: float) -> JobRow:
@@ -101,10 +108,10 @@ def _row(number: int, tenants: int, began_at: float) -> JobRow:
 
 def measure_rows(database: Database) -> Result:
     """Measure the milliseconds of each kind of call among ROWS rows."""
-    fill(database)
     queries, transitions = JobQueries(database), open_transitions(database, queue_limit=10 * ROWS)
     metrics = Metrics()
     slots = WorkerSlots(database, 1)
+    slots.announce()
     metrics.watch(queries, slots, MissingWorkers(queries, slots), lambda: True)
     middle = queries.page("t1", limit=1, only=JobFilter(status="succeeded"))[0]
     place = (middle.created_at, middle.id)

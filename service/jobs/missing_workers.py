@@ -26,7 +26,7 @@ class MissingWorkers:
         queues: tuple[JobQueue, ...] = get_args(JobQueue)
         slots = {label: self._slots.count(label) for label in set(map(needed_label, queues))}
         unserved = [queue for queue in queues if not slots[needed_label(queue)]]
-        counts = {queue: self._jobs.count("queued", queue=queue) for queue in unserved}
+        counts = {queue: self._jobs.count_waiting(queue) for queue in unserved}
         return {queue: number for queue, number in counts.items() if number}
 
     def describe(self) -> list[str]:

@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, and_, func, select
 from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.pagination import Place, select_page
-from service.database.tables import events, jobs
+from service.database.tables import events, jobs, turns
 from service.jobs.model import JOB_STATUSES, JobEvent, JobQueue, JobRow, JobStatus
 from service.jobs.rows import count_jobs, find_job, job_from_row
 
@@ -76,6 +76,17 @@ class JobQueries:
         """Return the number of jobs of this status, of one tenant or of all, in a queue or all."""
         with self._database.read() as connection:
             return count_jobs(connection, status, tenant, queue)
+
+    def count_waiting(self, queue: JobQueue) -> int:
+        """Return the number of jobs of all tenants that wait in a queue.
+
+        It looks at each tenant that has had a job there, not at each job that waits elsewhere.
+        """
+        is_waiting = and_(jobs.c.queue == queue, jobs.c.status == "queued")
+        of_tenant = select(func.count()).where(is_waiting, jobs.c.tenant == turns.c.tenant)
+        query = select(func.sum(of_tenant.scalar_subquery())).where(turns.c.queue == queue)
+        with self._database.read() as connection:
+            return int(connection.scalar(query) or 0)
 
     def count_by_status(self) -> dict[JobStatus, int]:
         """Return the number of jobs of all tenants of each status."""
