@@ -115,8 +115,8 @@ class AttemptSupervisor:
                 _retry_while_unavailable(lambda: self.transitions.interrupt(job, reason))
                 log.warning("attempt %d was interrupted: %s", job.attempt, reason)
             except ChildMemoryError:
-                error = JobMemoryError.beyond(self.settings.job_memory_bytes)
-                self._end_for_memory(job, error_document(error), {})
+                exceeded = JobMemoryError.beyond(self.settings.job_memory_bytes)
+                self._end_for_memory(job, error_document(exceeded), {})
             except NotReadyError:
                 log.warning("attempt %d was given up: the job store did not answer", job.attempt)
                 raise
