@@ -20,8 +20,9 @@ from mpe_core.options import RegistrationOptions
 from mpe_core.result import CodedWarning, Inliers, Registration
 
 if TYPE_CHECKING:
-    from mpe_core.deviation import Deviation, DeviationSummary, TargetSurface, measure_deviation
+    from mpe_core.deviation import Deviation, DeviationSummary, measure_deviation
     from mpe_core.registration import register
+    from mpe_core.surfaces import MeshSurface, TargetSurface
 
 __all__ = [
     "CloudShapeError",
@@ -34,6 +35,7 @@ __all__ = [
     "InvalidCloudError",
     "InvalidOptionsError",
     "InvalidWeightsError",
+    "MeshSurface",
     "Registration",
     "RegistrationError",
     "RegistrationOptions",
@@ -42,7 +44,8 @@ __all__ = [
     "measure_deviation",
     "register",
 ]
-_DEVIATION = ("Deviation", "DeviationSummary", "TargetSurface", "measure_deviation")
+_DEVIATION = ("Deviation", "DeviationSummary", "measure_deviation")
+_SURFACES = ("MeshSurface", "TargetSurface")
 
 
 def __getattr__(name: str) -> object:
@@ -54,4 +57,8 @@ def __getattr__(name: str) -> object:
         from mpe_core import deviation
 
         return getattr(deviation, name)
+    if name in _SURFACES:
+        from mpe_core import surfaces
+
+        return getattr(surfaces, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -37,7 +37,7 @@ from service.formats.surface import read_surface
 from service.schemas import Reading
 
 if TYPE_CHECKING:
-    from mpe_core import TargetSurface
+    from mpe_core import MeshSurface, TargetSurface
 
 _MEMORY_SHARE = 0.8
 """Share of the memory that `mpe align` may take; larger clouds are thinned while they are read."""
@@ -179,7 +179,9 @@ def _write_report(
     arguments.report.write_text(page, encoding="utf-8")
 
 
-def _build_surface(target: DecodedCloud, options: RegistrationOptions) -> TargetSurface:
+def _build_surface(
+    target: DecodedCloud, options: RegistrationOptions
+) -> TargetSurface | MeshSurface:
     ignores_file = options.ignore_file_viewpoints
     return build_surface(target, options.target_viewpoint, ignores_file=ignores_file)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from service.formats import DecodedCloud
 
 if TYPE_CHECKING:
-    from mpe_core import TargetSurface
+    from mpe_core import MeshSurface, TargetSurface
 
 MAX_TOLERANCES = 16
 """Tolerances of one request."""
@@ -20,8 +20,10 @@ HISTOGRAM_BINS = 60
 
 def build_surface(
     target: DecodedCloud, viewpoint: Sequence[float] | None, *, ignores_file: bool
-) -> TargetSurface:
-    """Return the surface of a target; its own normals, else the viewpoint, tell inside and outside.
+) -> TargetSurface | MeshSurface:
+    """Return the surface of a target: of its triangles, if it is a mesh, else of its points.
+
+    Its own faces or normals, else the viewpoint, tell inside and outside.
 
     Parameters
     ----------
@@ -32,8 +34,11 @@ def build_surface(
     ignores_file
         Whether the position that the file tells is not taken in its place.
     """
-    from mpe_core import TargetSurface  # loads kernels, which the service process must not
+    # loads kernels, which the service process must not
+    from mpe_core import MeshSurface, TargetSurface
 
+    if target.mesh is not None and target.mesh.faces is not None:
+        return MeshSurface(target.mesh.points, target.mesh.faces)
     if viewpoint is None and not ignores_file:
         viewpoint = target.scanner_position
     return TargetSurface(target.points, target.normals, viewpoint)

@@ -16,7 +16,7 @@ from service.storage.blobs import blob_path
 from service.workers.task import FileTask
 
 if TYPE_CHECKING:
-    from mpe_core import Deviation, TargetSurface
+    from mpe_core import Deviation, MeshSurface, TargetSurface
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +49,14 @@ class PairTask(FileTask):
         limits = self.environment.read_limits
         return read_surface(self._path(cloud), limits, **cloud.reading, attributes=True)
 
-    def _build_surface(self, target: DecodedCloud | None = None) -> TargetSurface:
+    def _build_surface(self, target: DecodedCloud | None = None) -> TargetSurface | MeshSurface:
         """Return the surface of the target, which is read unless it is given."""
         cloud = self._read(self.pair.target) if target is None else target
         return build_surface(
             cloud, self.pair.target_viewpoint, ignores_file=self.pair.ignores_file_viewpoint
         )
 
-    def _measure(self, source: DecodedCloud, surface: TargetSurface) -> Deviation:
+    def _measure(self, source: DecodedCloud, surface: TargetSurface | MeshSurface) -> Deviation:
         """Measure the distances of all points of the source."""
         from mpe_core import Deviation
 

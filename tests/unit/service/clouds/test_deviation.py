@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from service.clouds.deviation import build_surface
-from service.formats import read_points, write_ply
+from service.formats import DecodedCloud, read_points, read_surface, write_cloud, write_ply
 
 ABOVE = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, -0.1]])
 
@@ -36,3 +36,14 @@ def test_the_position_that_the_file_tells_counts_unless_the_caller_says_otherwis
     surface = build_surface(plane, given, ignores_file=ignores_file)
     expected = [0.1, -0.1] if is_signed else [0.1, 0.1]
     np.testing.assert_allclose(surface.measure(ABOVE), expected, atol=1e-6)
+
+
+def test_distances_from_a_sampled_mesh_are_those_from_its_triangles(tmp_path: Path) -> None:
+    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    square = DecodedCloud(corners, "ply", faces=np.array([[0, 1, 2], [0, 2, 3]]))
+    write_cloud(tmp_path / "square", "ply", square)
+    surface = build_surface(read_surface(tmp_path / "square"), None, ignores_file=False)
+    assert surface.is_signed
+    beside = np.array([[4.0, 5.0, 0.0]])
+    found = surface.measure(np.concatenate([ABOVE, beside]))
+    np.testing.assert_allclose(found, [0.1, -0.1, 5.0], rtol=0, atol=1e-12)
