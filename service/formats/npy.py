@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import lzma
 import struct
 import tokenize
@@ -37,6 +38,7 @@ from service.formats.named_arrays import (
 from service.formats.npy_pieces import ArrayHeader, ArrayRows
 
 MAGIC = b"\x93NUMPY"
+_MAX_HEADER_BYTES = 1 << 16
 _MAX_MEMBERS = 1000
 _HEADER_ERRORS = (
     ValueError,
@@ -182,8 +184,10 @@ def _read_header(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> A
             shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
         elif version == (2, 0):
             shape, fortran, dtype = np.lib.format.read_array_header_2_0(file)
+        elif version == (3, 0):
+            shape, fortran, dtype = np.lib.format.read_array_header_2_0(_to_version_2(file))
         else:
-            raise UnsupportedFileError(f"{name} has .npy version {version}; expected 1.0 or 2.0")
+            raise UnsupportedFileError(f"{name} has .npy version {version}; expected 1.0 to 3.0")
     if dtype.hasobject:
         raise UnsupportedFileError(
             f"{name} holds pickled objects, which are never loaded; expected numbers"
@@ -196,6 +200,14 @@ def _read_header(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> A
     offset, at = file.tell(), f"{name} of shape {shape}"
     check_count(count, dtype.itemsize, size - offset, at, _values_limit(limits))
     return ArrayHeader(shape, fortran, dtype, offset)
+
+
+def _to_version_2(file: IO[bytes]) -> IO[bytes]:
+    """Return a header of version 3.0, whose names are in UTF-8, with these escaped instead."""
+    length = int.from_bytes(file.read(4), "little")
+    text = file.read(min(length, _MAX_HEADER_BYTES)).decode()
+    escaped = text.encode("ascii", errors="backslashreplace")
+    return io.BytesIO(len(escaped).to_bytes(4, "little") + escaped)
 
 
 def _values_limit(limits: ReadLimits) -> ReadLimits:

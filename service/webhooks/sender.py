@@ -23,7 +23,7 @@ from service.outbound import (
     callback_policy,
     parse_url,
 )
-from service.problems import ServiceError
+from service.problems import NotReadyError, ServiceError
 from service.schemas.serialize_job import summarize_job
 from service.settings import Settings
 from service.webhooks.outbox import DeliveryRow, Outbox
@@ -112,6 +112,9 @@ class WebhookSender:
                     self._send(delivery)
                 finally:
                     self._count_free(+1)
+            except NotReadyError as error:  # the call is made again after SENDING_TIMEOUT_S
+                log.warning("a webhook thread waits: %s", error)
+                self._stopping.wait(POLL_INTERVAL_S)
             except Exception:
                 log.exception("unexpected error in a webhook thread; it continues")
                 self._stopping.wait(POLL_INTERVAL_S)

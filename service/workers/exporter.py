@@ -43,6 +43,8 @@ MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
 MAX_WAITING = 8
 """Further exports that wait in a thread; those of the API wait before, in `ExportGate`."""
+TRIES = 2
+"""Processes that a file is tried with: the first may be killed for the sake of another."""
 DISK_INTERVAL_S = 0.25
 """Interval of the looks at the disk while a file grows, in seconds."""
 
@@ -159,26 +161,34 @@ class Exporter:
             yield
 
     def _perform(self, task: FileTask) -> list[str]:
-        """Let a child write the file; return its warnings."""
-        oom_kills = count_oom_kills()
-        try:
-            with self._child() as child:
-                answer = _await_answer(child, task, self._settings.job_timeout_s, self._disk)
-        except ChildLostError as lost:
-            if self._is_stopping:
-                raise NotReadyError("The service is stopping; retry later.") from lost
-            if isinstance(lost, NoProcessError):
-                raise NotReadyError(f"The file was not written: {lost}. Retry later.") from lost
-            if isinstance(lost, ChildMemoryError):
-                raise JobMemoryError.beyond(self._settings.job_memory_bytes) from lost
-            if lost.is_killed and count_oom_kills() > oom_kills:
-                raise JobMemoryError(OUT_OF_MEMORY) from lost
-            raise WorkerLostError(f"The file could not be written: {lost}.") from lost
+        """Let a child write the file, and another one where it was lost; return the warnings."""
+        for tries_left in reversed(range(TRIES)):
+            oom_kills = count_oom_kills()
+            try:
+                with self._child() as child:
+                    answer = _await_answer(child, task, self._settings.job_timeout_s, self._disk)
+                break
+            except ChildLostError as lost:
+                error = self._explain(lost, count_oom_kills() - oom_kills)
+                if not tries_left or self._is_stopping or isinstance(error, JobMemoryError):
+                    raise error from lost
         if isinstance(answer, Failed):
             raise ExportError(answer.problem)
         if not is_plain_file(task.output):
             raise WorkerLostError("The file could not be written: it is missing.")
         return answer.warnings if isinstance(answer, Exported) else []
+
+    def _explain(self, lost: ChildLostError, oom_kills: int) -> ServiceError:
+        """Return what the loss of a child is to the caller; the kernel has killed so many."""
+        if self._is_stopping:
+            return NotReadyError("The service is stopping; retry later.")
+        if lost.is_killed and oom_kills:
+            return JobMemoryError(OUT_OF_MEMORY)
+        if isinstance(lost, ChildMemoryError):
+            return JobMemoryError.beyond(self._settings.job_memory_bytes)
+        if isinstance(lost, NoProcessError):
+            return NotReadyError(f"The file was not written: {lost}. Retry later.")
+        return WorkerLostError(f"The file could not be written: {lost}.")
 
     @contextmanager
     def _child(self) -> Iterator[Child]:

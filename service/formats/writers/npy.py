@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import struct
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from service.formats.writers.outgoing import Outgoing, to_rows
 from service.formats.writers.row_format import RowFormat
+
+_MAX_SHORT_BYTES = 65_000
+"""Text of a header of version 1.0, which counts its bytes with 16 bits."""
 
 
 def _encode(cloud: Outgoing) -> NDArray[Any]:
@@ -21,13 +24,15 @@ def _encode(cloud: Outgoing) -> NDArray[Any]:
 
 
 def _header(_: Outgoing, rows: NDArray[Any], count: int) -> bytes:
-    file = io.BytesIO()
-    description = np.lib.format.dtype_to_descr(rows.dtype)
-    np.lib.format.write_array_header_1_0(
-        file,
-        {"descr": description, "fortran_order": False, "shape": (count, *rows.shape[1:])},
-    )
-    return file.getvalue()
+    """Return a header of version 1.0, or 2.0 where it is long; other letters are escaped in it."""
+    shape = (count, *rows.shape[1:])
+    descr = np.lib.format.dtype_to_descr(rows.dtype)
+    text = ascii({"descr": descr, "fortran_order": False, "shape": shape}).encode()
+    version, length = (1, "<H") if len(text) < _MAX_SHORT_BYTES else (2, "<I")
+    start = np.lib.format.magic(version, 0)
+    before = len(start) + struct.calcsize(length)
+    text += b" " * (-(before + len(text) + 1) % np.lib.format.ARRAY_ALIGN) + b"\n"
+    return start + struct.pack(length, len(text)) + text
 
 
 NPY = RowFormat(_encode, _header)

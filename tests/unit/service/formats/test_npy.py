@@ -131,3 +131,13 @@ def test_a_coordinate_is_one_number(tmp_path: Path, columns: tuple[int, int, int
     np.save(tmp_path / "cloud.npy", np.zeros(5, fields))
     with pytest.raises(CloudFileError, match="expected one number"):
         read_points(tmp_path / "cloud.npy")
+
+
+@pytest.mark.filterwarnings("ignore:Stored array in format 3.0")
+def test_names_in_utf8_are_read(tmp_path: Path) -> None:
+    """NumPy writes version 3.0 for them."""
+    kinds = [("x", "f8"), ("y", "f8"), ("z", "f8"), ("яркость", "f4")]
+    np.save(tmp_path / "cloud.npy", np.array([(1, 2, 3, 4), (5, 6, 7, 8)], kinds))
+    cloud = read_points(tmp_path / "cloud.npy", attributes=True)
+    assert cloud.points.tolist() == [[1, 2, 3], [5, 6, 7]]
+    assert cloud.attributes["яркость"].tolist() == [4, 8]

@@ -276,3 +276,15 @@ def test_names_stay_different_and_legal(tmp_path: Path) -> None:
         values = {int(column[0]) for column in found.attributes.values() if np.ptp(column) == 0}
         assert set(range(len(names))) <= values, format
         np.testing.assert_allclose(found.points, POINTS, atol=1e-4)
+
+
+@pytest.mark.parametrize("format", ["las", "npy"])
+def test_names_in_other_letters_come_back(tmp_path: Path, format: str) -> None:
+    names = ("интенсивность", "größe", "強度")
+    columns = {name: np.arange(3.0) + i for i, name in enumerate(names)}
+    cloud = DecodedCloud(np.eye(3), "ply", attributes=columns)
+    write_cloud(tmp_path / "cloud", format, cloud)
+    read = read_points(tmp_path / "cloud", attributes=True).attributes
+    assert {name: read[name].tolist() for name in names if name in read} == {
+        name: column.tolist() for name, column in columns.items()
+    }

@@ -124,6 +124,21 @@ def test_a_lost_child_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, l
         export(made)
 
 
+def test_a_file_whose_process_was_killed_is_written_by_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with exporter(tmp_path, monkeypatch) as (made, children):
+        lines: list[Line] = [ChildLostError("its process was ended by SIGKILL"), Exported()]
+
+        def start() -> FakeChild:
+            children.lines = (lines.pop(0),)
+            return children()
+
+        monkeypatch.setattr(module, "Child", start)
+        assert export(made).name == "aligned.ply"
+        assert len(children.started) == 2
+
+
 def test_a_process_that_does_not_start_is_not_the_callers_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
