@@ -14,6 +14,9 @@ from typing import Self
 from service.storage.blobs import Blob, BlobStore, blob_path
 
 DIRECTORY = "fetched"
+MAX_ENTRIES = 1000
+"""Entries of a tenant that outlast the clean-up, the youngest ones: any number of URLs may have the
+same content, which is stored once."""
 MAX_VALIDATOR_LENGTH = 260
 """Characters of an ETag or a date that is used; longer ones count as none."""
 _ETAG = re.compile(r'(?:W/)?"[!#-~]{0,256}"')
@@ -114,14 +117,19 @@ class HttpCache:
 
 
 def prune(data_dir: Path, blobs: BlobStore) -> None:
-    """Remove the entries, of all tenants, whose file is no longer stored."""
-    for path in (data_dir / DIRECTORY).glob("*"):
-        if path.is_file():  # an entry in the layout of an earlier build
-            path.unlink(missing_ok=True)
-    for path in (data_dir / DIRECTORY).glob("*/*"):
-        try:
-            sha256 = json.loads(path.read_bytes())["blob"]["sha256"]
-        except (FileNotFoundError, ValueError, TypeError, KeyError):
-            continue  # replaced or removed meanwhile
-        if not blobs.path(sha256).exists():
+    """Remove the entries, of all tenants, whose file is no longer stored, and the oldest ones."""
+    for folder in (data_dir / DIRECTORY).glob("*"):
+        if folder.is_file():  # an entry in the layout of an earlier build
+            folder.unlink(missing_ok=True)
+            continue
+        kept: list[tuple[float, Path]] = []
+        for path in folder.glob("*"):
+            try:
+                sha256 = json.loads(path.read_bytes())["blob"]["sha256"]
+                kept.append((path.stat().st_mtime, path))
+            except (FileNotFoundError, ValueError, TypeError, KeyError):
+                continue  # replaced or removed meanwhile
+            if not blobs.path(sha256).exists():
+                path.unlink(missing_ok=True)
+        for _, path in sorted(kept)[:-MAX_ENTRIES]:
             path.unlink(missing_ok=True)

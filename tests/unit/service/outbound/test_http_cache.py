@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
+from service.outbound import http_cache
 from service.outbound.errors import (
     FetchStatusError,
 )
-from service.outbound.http_cache import Validators, prune
+from service.outbound.http_cache import Validators, hash_key, prune
 from service.storage.blobs import BlobStore
 from tests.factories.web import (
     CONTENT,
@@ -119,6 +122,22 @@ def test_what_is_known_of_removed_files_is_forgotten(
     blobs.path(blob.sha256).unlink()
     prune(blobs.root, blobs)
     assert not said.exists()
+
+
+def test_the_entries_of_a_tenant_are_bounded(
+    web: Web, fetch: Fetch, blobs: BlobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Any number of URLs may lead to one file."""
+    monkeypatch.setattr(http_cache, "MAX_ENTRIES", 2)
+    web.behaviours["/file"] = Versioned(ETag='"1"')
+    urls = [web.url(f"/file?{number}") for number in range(4)]
+    for age, url in enumerate(reversed(urls)):
+        fetch(url)
+        (newest,) = (p for p in (blobs.root / "fetched").glob("*/*") if hash_key(url) == p.name)
+        os.utime(newest, (age, age))
+    prune(blobs.root, blobs)
+    kept = {path.name for path in (blobs.root / "fetched").glob("*/*")}
+    assert kept == {hash_key(url) for url in urls[:2]}
 
 
 def test_entries_of_an_earlier_layout_are_removed(blobs: BlobStore) -> None:
