@@ -49,6 +49,7 @@ class Options(TypedDict, total=False):
     source_viewpoint: Vector | None
     target_viewpoint: Vector | None
     ignore_file_viewpoints: bool
+    infer_viewpoints: Literal["auto", "never"]
     keep_no_data: bool
     use_color: Literal["auto", "never"]
     max_iterations: int

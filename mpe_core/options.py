@@ -28,6 +28,8 @@ SCALES = ("fixed", "units", "free")
 
 UseColor = Literal["auto", "never"]
 USES_OF_COLOR: tuple[UseColor, ...] = ("auto", "never")
+InferViewpoints = Literal["auto", "never"]
+INFERENCES: tuple[InferViewpoints, ...] = ("auto", "never")
 
 ACCEPTANCE_THRESHOLD = 0.5
 """Confidence from which on a pose counts as right."""
@@ -126,6 +128,12 @@ class RegistrationOptions:
     """Whether the scanners' positions that both files tell are not used. By default they are where
     source_viewpoint is not given, and a warning tells so. Arrays tell none."""
 
+    infer_viewpoints: InferViewpoints = "auto"
+    """Whether the scanners' positions may be told from the order of the points. "auto": where no
+    viewpoint is given, and both clouds are in the order of one scanner each, as depth cameras and
+    spinning scanners write them; a warning tells so. Shuffled, thinned and merged clouds tell none.
+    "never": it is not looked at."""
+
     keep_no_data: bool = False
     """Whether rows that look like no measurement are kept: (0, 0, 0) three times or more, values
     far from all others like -9999, beams without echo at the largest range, and all but one of many
@@ -153,6 +161,10 @@ class RegistrationOptions:
         if self.use_color not in USES_OF_COLOR:
             raise InvalidOptionsError(
                 f"use_color must be one of {USES_OF_COLOR}, got {self.use_color!r}"
+            )
+        if self.infer_viewpoints not in INFERENCES:
+            raise InvalidOptionsError(
+                f"infer_viewpoints must be one of {INFERENCES}, got {self.infer_viewpoints!r}"
             )
         self._check_scale()
         _check_count("sample_size", self.sample_size, minimum=3)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.typing import ArrayLike
 
-from mpe_core.clouds.validate import validate_cloud
+from mpe_core.clouds.scan_order import infer_viewpoint
+from mpe_core.clouds.validate import Cloud, validate_cloud
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import Progress, StageCallback
-from mpe_core.result import Registration
+from mpe_core.result import CodedWarning, Registration
 from mpe_core.scale_search import register_scaled
 
 
@@ -91,4 +94,30 @@ def register(
                 (target, "target", target_weights, options.target_viewpoint, target_colors),
             )
         ]
-    return register_scaled(clouds[0], clouds[1], options, progress)
+        options, notices = _with_inferred_viewpoints(options, *clouds)
+    found = register_scaled(clouds[0], clouds[1], options, progress)
+    return replace(found, warnings=(*notices, *found.warnings)) if notices else found
+
+
+def _with_inferred_viewpoints(
+    options: RegistrationOptions, source: Cloud, target: Cloud
+) -> tuple[RegistrationOptions, tuple[CodedWarning, ...]]:
+    """Add the scanners' places that the order of both clouds tells, and say so."""
+    is_searched = options.method == "mpl" and options.search == "global"
+    if not is_searched or options.infer_viewpoints == "never" or options.source_viewpoint:
+        return options, ()
+    x = infer_viewpoint(source.points)
+    y = None if x is None else infer_viewpoint(target.points)
+    if x is None or y is None:
+        return options, ()
+    places = [
+        "({:.6g}, {:.6g}, {:.6g})".format(*each.position) + f" (certainty {each.certainty:.2f})"
+        for each in (x, y)
+    ]
+    notice = CodedWarning(
+        "viewpoints_inferred",
+        f"the order of the points tells where the scanners stood, {places[0]} in the source and"
+        f" {places[1]} in the target, and this is used; if it is wrong, set infer_viewpoints to"
+        ' "never"',
+    )
+    return replace(options, source_viewpoint=x.position, target_viewpoint=y.position), (notice,)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 WarningCode = Literal[
     "file",
+    "viewpoints_inferred",
     "rows_not_finite",
     "rows_zeros",
     "rows_far",

@@ -32,6 +32,7 @@ export const GROUPS: readonly Group[] = [
       { name: "inlier_threshold", label: "Inlier threshold", kind: "number", hint: "estimated", help: "Largest distance of a pair of points, in the files' unit." },
       { name: "voxel_size", label: "Voxel size", kind: "number", hint: "1.5 % of the radius", help: "Cubes to which the clouds are thinned for the search; larger ones average noise." },
       { name: "ignore_file_viewpoints", label: "Ignore the scanners' positions in the files", kind: "check", help: "Where both files tell where the scanner stood, free space between it and the points tells wrong poses." },
+      { name: "infer_viewpoints", label: "Scanners' positions from the order of the points", kind: "choice", choices: ["auto", "never"], help: "“auto”: raw scans tell where the scanner stood, and that tells wrong poses." },
       { name: "keep_no_data", label: "Keep rows that look like no measurement", kind: "check", help: "Zeros, -9999 and the like are left out otherwise." },
     ],
   },
