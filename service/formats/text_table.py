@@ -240,17 +240,24 @@ def read_block(
 
 def _are_narrow(block: TextBlock, dialect: Dialect) -> bool:
     """Whether no row has a quoted field, or more fields than the width, if it is given."""
-    if not dialect.width or dialect.delimiter is None:
+    if not dialect.width:
         return True
     content = block.content()
     if (content == ord('"')).any():
         return False
-    marks = np.flatnonzero((content == ord(dialect.delimiter)) | (content == ord("\n")))
-    ends = np.flatnonzero(content[marks] == ord("\n"))
-    last = np.r_[ends, len(marks)]
-    counts = np.diff(last, prepend=-1)  # of delimiters, and one line end
-    before = content[np.maximum(np.r_[marks[ends], len(content)] - 1, 0)]
-    return bool((counts - (before == ord(dialect.delimiter)) <= dialect.width).all())
+    is_end = content == ord("\n")
+    if dialect.delimiter is None:
+        is_blank = is_end | (content == ord(" ")) | (content == ord("\t")) | (content == ord("\r"))
+        is_start = ~is_blank
+        is_start[1:] &= is_blank[:-1]
+        ends = np.cumsum(is_start)[is_end]
+        counts = np.diff(ends, prepend=0, append=int(is_start.sum()))
+        return bool((counts <= dialect.width).all())
+    is_delimiter = content == ord(dialect.delimiter)
+    lines = np.r_[np.flatnonzero(is_end), len(content)]
+    before = np.r_[0, np.cumsum(is_delimiter)][lines]
+    ends_so = is_delimiter[np.maximum(lines - 1, 0)] if len(content) else is_delimiter
+    return bool((np.diff(before, prepend=0) + 1 - ends_so <= dialect.width).all())
 
 
 def _parse_quickly(
@@ -338,7 +345,7 @@ class TableCleaner:
                 self.counts.append(int(text))
                 continue
             fields = text.split(self.dialect.delimiter)
-            if self.dialect.width and len(fields) - (not fields[-1]) > self.dialect.width:
+            if self._are_shifted(fields):
                 yield "too many fields"
                 continue
             if len(fields) <= max(self.columns) or "\r" in text:
@@ -350,6 +357,13 @@ class TableCleaner:
                     f"{text[:60]!r}: some numbers have decimal points, and some have commas; "
                     "write all in the same way"
                 )
+
+    def _are_shifted(self, fields: Sequence[str]) -> bool:
+        """Whether there are more fields than places; words at the end of a line do no harm."""
+        width, delimiter = self.dialect.width, self.dialect.delimiter
+        if not width or len(fields) - (not fields[-1]) <= width:
+            return False
+        return delimiter is not None or is_number(fields[-1])
 
     def _clean_fields(self, fields: list[str]) -> list[str]:
         if all(is_missing(item) for item in fields):

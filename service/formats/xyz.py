@@ -201,7 +201,7 @@ def _narrow(column: NDArray[np.generic]) -> NDArray[np.generic]:
 def _make_cleaner(lines: list[str], layout: TextLayout, columns: tuple[int, ...]) -> TableCleaner:
     has_counts = layout.count is not None
     fields = sample_rows(lines[layout.first_row :][:1], layout.delimiter)[0]
-    hides_places = max(layout.xyz) > 2 and layout.delimiter is not None
+    hides_places = max(layout.xyz) > 2
     dialect = Dialect(
         layout.delimiter,
         decimal_comma=layout.decimal_comma,

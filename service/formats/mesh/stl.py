@@ -19,7 +19,7 @@ from service.formats.text_table import Dialect, TextBlock, iter_columns, read_co
 _HEADER_BYTES = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _SNIFFED_TRIANGLES = 20
-_SNIFFED_BYTES = 1024
+_SNIFFED_BYTES = 4096
 _MIN_COORDINATE = 1e-30
 """Magnitude below which a number is no rounding noise, but an integer read as float."""
 _MAX_COORDINATE = 1e12
@@ -39,8 +39,9 @@ def sniff(head: bytes) -> bool:
         return False
     triangles = np.frombuffer(body, _TRIANGLE, rows)
     corners = triangles["corners"].reshape(rows, 9)
+    normals = np.nan_to_num(triangles["normal"])  # of triangles without area
     with np.errstate(invalid="ignore"):
-        sizes = np.abs(np.concatenate([triangles["normal"], corners], axis=1))
+        sizes = np.abs(np.concatenate([normals, corners], axis=1))
         plausible = (sizes < _MAX_COORDINATE) & ((sizes > _MIN_COORDINATE) | (sizes == 0))
     return bool(plausible.all() and (corners != 0).any())
 
@@ -61,7 +62,8 @@ def read(
         count = _count_triangles(path, limits)
         corners = _read_triangles(path, range(count))
     if len(corners) == 0 or len(corners) % 3:
-        raise MalformedFileError(f"{len(corners)} corners; expected three of each triangle")
+        where = f"lines begin with {keyword!r}" if keyword else "corners"
+        raise MalformedFileError(f"{len(corners)} {where}; expected three for each triangle")
     points, places = _merge_equal(corners)
     return DecodedCloud(points, "stl", faces=places.reshape(-1, 3) if faces else None)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from service.formats import CloudFileError, read_points
 from service.formats.errors import short_reason
 from tests.factories.cloud_files import POINTS, text_rows
 from tests.factories.decoding import decode, write_file
-from tests.factories.scanner_files import DOUBLES, FACES, glb, gltf
+from tests.factories.scanner_files import DOUBLES, FACES, glb, gltf, stl_ascii, stl_binary
 
 REAL = [
     ("formats/mesh.obj", 5623, (8.902039, 14.477572, 22.889115)),
@@ -36,6 +37,39 @@ def test_other_kinds_of_off_are_named(tmp_path: Path, first: str) -> None:
     path = write_file(tmp_path, (first + "0 0 0 1 2\n" * 6).encode())
     with pytest.raises(CloudFileError, match="OFF in binary or of n dimensions"):
         read_points(path)
+
+
+STL = {
+    "two solids": stl_ascii() + stl_ascii(),
+    "CR LF and capitals": stl_ascii().upper().replace(b"\n", b"\r\n"),
+    "a long name": stl_ascii().replace(b"made by hand", b"x" * 3000),
+    "a binary solid": b"solid".ljust(80) + stl_binary()[80:],
+    "normals that are none": stl_binary().replace(struct.pack("<3f", 0, 0, 1), b"\0\0\xc0\x7f" * 3),
+}
+
+
+@pytest.mark.parametrize("name", STL)
+def test_stl_as_programs_write_it(tmp_path: Path, name: str) -> None:
+    cloud = read_points(write_file(tmp_path, STL[name]), faces=True)
+    np.testing.assert_allclose(cloud.points, DOUBLES[:39], rtol=1e-6)
+    assert cloud.faces is not None
+    assert len(cloud.faces) == 13 * (1 + (name == "two solids"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (b"\nvertex", b" vertex", "0 lines begin with 'vertex'"),
+        (b"vertex", b"corner", "0 lines begin with 'vertex'"),
+        (b"endsolid", b"end", "before 'endsolid'"),
+        (b".", b",", "line 4: .* is not a number"),
+    ],
+)
+def test_what_is_wrong_with_an_stl_is_told(
+    tmp_path: Path, old: bytes, new: bytes, words: str
+) -> None:
+    with pytest.raises(CloudFileError, match=words):
+        read_points(write_file(tmp_path, stl_ascii().replace(old, new)))
 
 
 @pytest.mark.real_data

@@ -74,3 +74,13 @@ def test_text_that_shifts_the_columns_of_later_rows(
     bare = plain + table("", form.format(word="Main street, 7"))
     with pytest.raises(CloudFileError, match="line 42: more than 5 fields"):
         read_points(write_file(tmp_path, bare))
+
+
+def test_blanks_in_the_labels_of_later_rows(tmp_path: Path) -> None:
+    plain = table("", "P{i} {x} {y} {z}")
+    words = plain + table("", "P{i} {x} {y} {z} an old tree")
+    np.testing.assert_allclose(
+        read_points(write_file(tmp_path, words)).points[-40:], POINTS, rtol=0, atol=6e-4
+    )
+    with pytest.raises(CloudFileError, match="line 41: more than 4 fields"):
+        read_points(write_file(tmp_path, plain + table("", "P {i} {x} {y} {z}")))
