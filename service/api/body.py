@@ -14,9 +14,9 @@ from typing import Self, TypeVar
 from fastapi import Request
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
+from service.api.threads import STORING
 from service.problems import BodyTooLargeError, MalformedBodyError
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 
@@ -71,7 +71,7 @@ async def store_body(request: Request, blobs: BlobStore, max_bytes: int) -> Blob
     with blobs.writer() as writer:
         async for chunk in iter_body(request, max_bytes):
             writer.write(chunk)
-        return await run_in_threadpool(writer.commit)
+        return await STORING.run(writer.commit)
 
 
 async def read_multipart(
@@ -102,7 +102,7 @@ async def read_multipart(
     with _MultipartForm(parameters.get(b"boundary", b""), blobs) as form:
         async for chunk in iter_body(request, max_bytes):
             await _feed_in_steps(form, chunk)
-        return await run_in_threadpool(lambda: parse(form.commit()))
+        return await STORING.run(lambda: parse(form.commit()))
 
 
 async def _feed_in_steps(form: _MultipartForm, chunk: bytes) -> None:

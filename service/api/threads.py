@@ -43,3 +43,7 @@ class OwnThreads:
         loop = asyncio.get_running_loop()
         limiter = self._limiters.setdefault(loop, CapacityLimiter(self._count))
         return await to_thread.run_sync(function, limiter=limiter, abandon_on_cancel=abandon)
+
+
+STORING = OwnThreads(THREADS)
+"""Threads that make files durable, which a slow disk may take seconds for: other calls go on."""

@@ -10,6 +10,7 @@ import os
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from email.utils import format_datetime
+from functools import partial
 from typing import Annotated, Any, BinaryIO
 
 from fastapi import APIRouter, Depends, Header, Request, Response
@@ -18,6 +19,7 @@ from starlette.concurrency import run_in_threadpool
 from service.api.admission import reserve_bytes, reserve_disk
 from service.api.body import iter_body
 from service.api.dependencies import CurrentCaller, CurrentRuntime, DeclaredFormat, identify
+from service.api.threads import STORING
 from service.clouds.uploads import Upload
 from service.problems import (
     BodyTooLargeError,
@@ -142,10 +144,10 @@ async def append(
         await runtime.appends.interrupt(upload.id)  # its caller knows what has arrived: goes on
     with reserve_disk(runtime, announced), ExitStack() as opened:
         appending = runtime.uploads.open_at(upload, upload_offset)
-        file = await run_in_threadpool(opened.enter_context, appending)  # it may fetch pieces
+        file = await STORING.run(lambda: opened.enter_context(appending))  # it may fetch pieces
         async with runtime.appends.enter(upload.id) as limit:
             await _write_body(request, file, limit, max_bytes=remaining)
-            upload = await run_in_threadpool(runtime.uploads.finish_piece, upload)
+            upload = await STORING.run(partial(runtime.uploads.finish_piece, upload))
     return _tus_response(204, await run_in_threadpool(_state, upload, runtime))
 
 
@@ -177,7 +179,7 @@ async def _write_body(
     except TimeoutError:
         raise UploadConflictError("A later request goes on with this upload.") from None
     finally:
-        await run_in_threadpool(os.fsync, file.fileno())
+        await STORING.run(lambda: os.fsync(file.fileno()))
 
 
 def _state(upload: Upload, runtime: Runtime) -> dict[str, str]:
