@@ -58,6 +58,8 @@ class TextLayout:
     """Number of rows announced in a line of its own."""
     decimal_comma: bool = False
     """Whether commas are decimal points."""
+    is_open: bool = False
+    """Whether the last column is a list, so that rows differ in length."""
     warnings: tuple[str, ...] = ()
     """How the text was interpreted."""
 
@@ -198,7 +200,9 @@ def _named_layout(header: _Header, row: str, index: int) -> TextLayout | None:
                 continue
             if all(is_value(fields[i]) for i in names.xyz):
                 normals, others = find_normals(names.items), _others(names, fields)
-                return TextLayout(index, delimiter, names.xyz, normals, others)
+                return TextLayout(
+                    index, delimiter, names.xyz, normals, others, is_open=header.is_open
+                )
     return None
 
 

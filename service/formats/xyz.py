@@ -201,12 +201,15 @@ def _narrow(column: NDArray[np.generic]) -> NDArray[np.generic]:
 def _make_cleaner(lines: list[str], layout: TextLayout, columns: tuple[int, ...]) -> TableCleaner:
     has_counts = layout.count is not None
     fields = sample_rows(lines[layout.first_row :][:1], layout.delimiter)[0]
-    hides_places = max(layout.xyz) > 2
+    last = max(layout.xyz)
+    may_shift = last > 2 and not layout.is_open
+    # between blanks, more columns behind the coordinates may be lists
+    may_shift &= layout.delimiter is not None or len(fields) == last + 1
     dialect = Dialect(
         layout.delimiter,
         decimal_comma=layout.decimal_comma,
         has_counts=has_counts,
-        width=len(fields) if hides_places else 0,
+        width=len(fields) if may_shift else 0,
     )
     before = frozenset(line.strip() for line in lines[: layout.first_row]) - {""}
     return TableCleaner(dialect, columns, headers=before)

@@ -84,3 +84,14 @@ def test_blanks_in_the_labels_of_later_rows(tmp_path: Path) -> None:
     )
     with pytest.raises(CloudFileError, match="line 41: more than 4 fields"):
         read_points(write_file(tmp_path, plain + table("", "P {i} {x} {y} {z}")))
+
+
+def test_lists_at_the_end_of_rows_may_differ_in_length(tmp_path: Path) -> None:
+    header = b"# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n"
+    rows = b"".join(
+        f"{i + 1} {x} {y} {z} 1 2 3 0.5 {'7 8 ' * (1 + i % 3)}\n".encode()
+        for i, (x, y, z) in enumerate(ROWS)
+    )
+    for content in (header + rows, rows):
+        cloud = read_points(write_file(tmp_path, content))
+        np.testing.assert_allclose(cloud.points, POINTS, rtol=0, atol=6e-4)
