@@ -53,6 +53,8 @@ UNLIMITED = KeyLimits(0, 0, 0)
 REPORT_EVERY = 50
 """Jobs accepted between two lines of a run's progress."""
 LATER = (409, 429, 503)
+EMPTY_S = 240.0
+"""Wait for an empty bucket: the clean-up's grace, and what a busy machine takes."""
 CUT_POINTS = 40_000
 """Points of the cloud whose registration is under way when the network is cut: seconds of work."""
 
@@ -210,13 +212,20 @@ class ClusterChaos:
         with self.database.read() as connection:
             return tuple(connection.execute(select(jobs).where(jobs.c.id == job_id)).one())
 
+    def _objects_left(self) -> list[str]:
+        walk = os.walk(self.cluster.store.bucket)  # folders vanish meanwhile
+        return [f"{folder}/{name}" for folder, _, names in walk for name in names]
+
     def _check_nothing_is_left(self) -> None:
         client = self.cluster.apis[0].client
         for job_id, one in self.accepted.items():
             path = f"/v1/registrations/{job_id}"
             assert client.delete(path, headers=self._auth(one.number)).status_code == 204
-        bucket = self.cluster.store.bucket
-        until(lambda: not any(files for _, _, files in os.walk(bucket)))  # folders vanish meanwhile
+        self._report("all are deleted")
+        deadline = time.monotonic() + EMPTY_S
+        while (left := self._objects_left()) and time.monotonic() < deadline:
+            time.sleep(0.5)
+        assert not left, f"{len(left)} objects are left in the bucket: {left[:5]}"
         for service in self.cluster.services:
             if service.is_running:
                 until(lambda: not list((service.data_dir / "scratch").iterdir()))  # noqa: B023
