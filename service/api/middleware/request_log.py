@@ -65,7 +65,7 @@ class RequestLogMiddleware:
             request_id.reset(token)
 
     def _record(self, scope: Scope, status: int, seconds: float) -> None:
-        route = getattr(scope.get("route"), "path", "unmatched")
+        route = getattr(scope.get("route"), "path_format", "unmatched")
         # any token is a method to HTTP, and each label is kept for ever
         method = scope["method"] if scope["method"] in KNOWN_METHODS else OTHER_METHOD
         self._metrics.requests.labels(method, route, str(status)).observe(seconds)

@@ -7,6 +7,7 @@ from uuid import uuid4
 
 from fastapi import APIRouter, Path, Response
 from starlette.concurrency import run_in_threadpool
+from starlette.convertors import StringConvertor, register_url_convertor
 
 from service.api.dependencies import (
     CurrentCaller,
@@ -17,6 +18,15 @@ from service.api.dependencies import (
 )
 from service.database.pagination import cut_page
 from service.schemas import Cloud, CloudPage
+
+
+class _CloudIdConvertor(StringConvertor):
+    """Any segment of a path but the one of `service.api.routes.direct`."""
+
+    regex = "(?!presign(?:/|$))[^/]+"
+
+
+register_url_convertor("cloud", _CloudIdConvertor())
 
 router = APIRouter(prefix="/v1/clouds", tags=["clouds"])
 
@@ -50,7 +60,7 @@ async def create(
 
 
 @router.put(
-    "/{cloud_id}",
+    "/{cloud_id:cloud}",
     operation_id="putCloud",
     summary="Store a cloud under an id of the caller's choice",
     openapi_extra=_FILE_BODY,
@@ -75,13 +85,15 @@ def list_clouds(runtime: CurrentRuntime, caller: CurrentCaller, page: RequestedP
     return CloudPage.model_validate({"items": items, "next_cursor": next_cursor})
 
 
-@router.get("/{cloud_id}", operation_id="getCloud", summary="Look at a cloud")
+@router.get("/{cloud_id:cloud}", operation_id="getCloud", summary="Look at a cloud")
 def get(cloud_id: CloudId, runtime: CurrentRuntime, caller: CurrentCaller) -> Cloud:
     """Return size, hash, format and expiry of the cloud."""
     return Cloud.model_validate(runtime.clouds.get(caller.tenant, cloud_id))
 
 
-@router.delete("/{cloud_id}", operation_id="deleteCloud", summary="Delete a cloud", status_code=204)
+@router.delete(
+    "/{cloud_id:cloud}", operation_id="deleteCloud", summary="Delete a cloud", status_code=204
+)
 def delete(cloud_id: CloudId, runtime: CurrentRuntime, caller: CurrentCaller) -> None:
     """Delete the cloud; registrations that use it keep its file until they have ended."""
     runtime.clouds.remove(caller.tenant, cloud_id)

@@ -60,7 +60,7 @@ async def complete(upload_id: str, runtime: CurrentRuntime, caller: CurrentCalle
 
 
 @router.post(
-    "/{cloud_id}/presign",
+    "/{cloud_id:cloud}/presign",
     operation_id="signCloudDownload",
     summary="Fetch the file of a cloud from the store directly",
 )
