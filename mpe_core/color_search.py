@@ -113,10 +113,10 @@ def _combine(
     with progress.stage("refine"):
         start = pair.from_caller(best.T_target_source)
         near = pipeline.refine(start)
-        surfaces = pipeline.refiner.uncertainty(Minimum(start, True, 1))
+        surfaces = pipeline.uncertainty(Minimum(start, True, 1))
         T = _move_across(start, near.minimum.T, surfaces.degenerate_directions)
         minimum = replace(near.minimum, T=T, converged=best.converged)
-        uncertainty = pipeline.refiner.uncertainty(minimum)
+        uncertainty = pipeline.uncertainty(minimum)
     evidence = reliefs[0].best.evidence
     described = describe_pose(
         pipeline, pair, [ScoredPose(minimum, evidence)], uncertainty, options, progress

@@ -19,6 +19,7 @@ from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import FractionCallback, Progress
+from mpe_core.refine.covariance import PoseUncertainty
 from mpe_core.refine.full_sum import FullSum
 from mpe_core.refine.minimum import Minimum
 from mpe_core.refine.point_to_plane import PointToPlane
@@ -102,7 +103,7 @@ class PosePipeline:
         self._size_ratio = size_ratio
         self._regime = choose_regime(source, target)
         self._free_space = _free_space(source, target)
-        planes = _plane_refiner(source, target, prior, self._regime, options)
+        planes = choose_planes(source, target, prior, self._regime, options)
         self.scorer = PoseScorer(
             planes,
             self._regime,
@@ -175,6 +176,14 @@ class PosePipeline:
     def allows(self, poses: Array) -> NDArray[np.bool_]:
         """(K,) whether the caller's knowledge allows the poses (K, 4, 4)."""
         return self._prior.accepts(poses)
+
+    def score(self, T: Array) -> Evidence:
+        """Measure the evidence for the pose T (4, 4)."""
+        return self.scorer.score(T)
+
+    def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
+        """Estimate the error of the minimum, as a motion about the target's origin."""
+        return self.refiner.uncertainty(minimum)
 
     def find_candidates(self, level: SearchLevel, report: FractionCallback) -> Candidates:
         """Search at this level; candidates come best first."""
@@ -305,7 +314,7 @@ class PosePipeline:
         return build_lattice(self.target.surface)
 
 
-def _plane_refiner(
+def choose_planes(
     source: PreparedCloud,
     target: PreparedCloud,
     prior: PosePrior,

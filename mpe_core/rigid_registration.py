@@ -29,11 +29,12 @@ from mpe_core.clouds.near_part import (
 from mpe_core.clouds.normalize import CloudPair, normalize_pair
 from mpe_core.clouds.preprocess import PreparedCloud, prepare_clouds
 from mpe_core.clouds.validate import Cloud, validate_cloud
+from mpe_core.exchanged_pipeline import ExchangedPipeline, Pipeline
 from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.methods import run_paper_method
-from mpe_core.pipeline import PosePipeline, ScoredPose, select_distinct
+from mpe_core.pipeline import PosePipeline, ScoredPose, choose_planes, select_distinct
 from mpe_core.progress import Progress
 from mpe_core.refine.covariance import PoseUncertainty, paired_points_uncertainty
 from mpe_core.refine.minimum import Minimum
@@ -46,6 +47,11 @@ ENERGY_EPS = 0.03
 """eps of the reported P2 energy, in radii of the smaller cloud."""
 
 
+MIN_EXCHANGE_RATIO = 1.2
+"""Radius of the source over that of the target from which on the target is moved in its place
+(docs/tuning.md)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """Registration at one scale, with what found it."""
@@ -54,7 +60,7 @@ class Attempt:
     """Result, whose transform is rigid."""
     best: ScoredPose
     """Its pose and the evidence, between the normalized clouds."""
-    pipeline: PosePipeline
+    pipeline: Pipeline
     """What matched the clouds."""
     pair: CloudPair
     """The normalized clouds."""
@@ -93,10 +99,7 @@ def register_rigidly(
         report(0.2)
         pair, clouds = prepare_pair(source, target, options)
         report(0.8)
-        prior = PosePrior.from_options(options, pair)
-        pipeline = PosePipeline(
-            *clouds, prior, options, pair.size_ratio, compares_shape=compares_shape
-        )
+        pipeline = _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
     if start is None:
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
@@ -106,8 +109,30 @@ def register_rigidly(
     return describe_pose(pipeline, pair, [best, *others], uncertainty, options, progress)
 
 
+def _choose_pipeline(
+    pair: CloudPair,
+    clouds: tuple[PreparedCloud, PreparedCloud],
+    options: RegistrationOptions,
+    *,
+    compares_shape: bool,
+) -> Pipeline:
+    """Pipeline that moves the source, or the target where the source is the larger cloud."""
+    source, target = clouds
+    prior = PosePrior.from_options(options, pair)
+    larger = np.divide(*pair.radii())
+    if larger < MIN_EXCHANGE_RATIO or options.initial_transform or options.overlap:
+        return PosePipeline(
+            source, target, prior, options, pair.size_ratio, compares_shape=compares_shape
+        )
+    inner = PosePipeline(
+        target, source, prior.inverse(), options, pair.size_ratio, compares_shape=compares_shape
+    )
+    planes = choose_planes(source, target, prior, choose_regime(source, target), options)
+    return ExchangedPipeline(inner, planes)
+
+
 def describe_pose(
-    pipeline: PosePipeline,
+    pipeline: Pipeline,
     pair: CloudPair,
     poses: list[ScoredPose],
     uncertainty: PoseUncertainty,
@@ -192,7 +217,7 @@ def _keep_near_parts(pair: CloudPair, options: RegistrationOptions) -> CloudPair
 
 
 def _find_poses(
-    pipeline: PosePipeline,
+    pipeline: Pipeline,
     pair: CloudPair,
     options: RegistrationOptions,
     progress: Progress,
@@ -202,11 +227,11 @@ def _find_poses(
     if options.method == "mpl" and options.search == "global":
         return _find_by_search(pipeline, pair, options, progress, levels)
     minimum = run_paper_method(pair, options, progress)
-    return [ScoredPose(minimum, pipeline.scorer.score(minimum.T))]
+    return [ScoredPose(minimum, pipeline.score(minimum.T))]
 
 
 def _find_by_search(
-    pipeline: PosePipeline,
+    pipeline: Pipeline,
     pair: CloudPair,
     options: RegistrationOptions,
     progress: Progress,
@@ -239,7 +264,7 @@ def _find_by_search(
 
 
 def _find_among_many(
-    pipeline: PosePipeline,
+    pipeline: Pipeline,
     points: tuple[NDArray[np.float64], NDArray[np.float64]],
     options: RegistrationOptions,
     progress: Progress,
@@ -254,7 +279,7 @@ def _find_among_many(
     found = pipeline.run(progress, levels)
     best, T = found[0], found[0].minimum.T
     # the normalized source is centred on its centre of mass
-    evidence = doubt_fit_everywhere(best.evidence, T, T[:3, 3], pipeline.scorer.score)
+    evidence = doubt_fit_everywhere(best.evidence, T, T[:3, 3], pipeline.score)
     return found if evidence is best.evidence else [replace(best, evidence=evidence)]
 
 
@@ -285,12 +310,10 @@ def _find_flat(
     return ScoredPose(replace(attempt.best.minimum, T=lifted), evidence)
 
 
-def _estimate_uncertainty(
-    pipeline: PosePipeline, pair: CloudPair, pose: ScoredPose
-) -> PoseUncertainty:
+def _estimate_uncertainty(pipeline: Pipeline, pair: CloudPair, pose: ScoredPose) -> PoseUncertainty:
     evidence, T = pose.evidence, pose.minimum.T
     if not (isinstance(evidence, CoincidenceEvidence) and evidence.accepted):
-        return pipeline.refiner.uncertainty(pose.minimum)
+        return pipeline.uncertainty(pose.minimum)
     moved = apply(T, pair.source)
     distances = np.linalg.norm(
         moved - pair.target[nearest_rows(moved, pair.target, np.inf)], axis=1
