@@ -23,7 +23,7 @@ async def unless_disconnected(request: Request, work: Coroutine[Any, Any, T]) ->
     NotReadyError
         The caller is gone; nobody receives this.
     """
-    task, gone = asyncio.create_task(work), asyncio.create_task(_until_disconnected(request))
+    task, gone = asyncio.create_task(work), asyncio.create_task(until_disconnected(request))
     try:
         await asyncio.wait({task, gone}, return_when=asyncio.FIRST_COMPLETED)
         if not task.done():
@@ -35,6 +35,7 @@ async def unless_disconnected(request: Request, work: Coroutine[Any, Any, T]) ->
         await asyncio.gather(task, gone, return_exceptions=True)
 
 
-async def _until_disconnected(request: Request) -> None:
+async def until_disconnected(request: Request) -> None:
+    """Wait until the connection is closed; the body has been read, or there is none."""
     while (await request.receive())["type"] != "http.disconnect":
         pass

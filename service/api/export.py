@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from collections.abc import AsyncIterator
 from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
 from pathlib import Path
@@ -11,7 +13,7 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from service.api.admission import check_disk, count_file
-from service.api.disconnect import unless_disconnected
+from service.api.disconnect import unless_disconnected, until_disconnected
 from service.api.middleware.conditional import is_known
 from service.api.threads import OwnThreads
 from service.auth.authenticator import Caller
@@ -20,7 +22,7 @@ from service.problems import ExpiredError, ResultNotReadyError
 from service.runtime import Runtime
 from service.schemas.serialize_result import read_summary
 from service.workers.aligned_pair import AlignedPair
-from service.workers.exporter import MAX_RUNNING, ExportedFile
+from service.workers.exporter import MAX_RUNNING, ExportedFile, is_abandoned
 
 FILE = "application/octet-stream"
 _EXPORTS = OwnThreads(MAX_RUNNING)
@@ -90,9 +92,14 @@ async def exported_file(
         return
     with ExitStack() as file:
         await unless_disconnected(request, runtime.export_gate.acquire(caller.tenant))
+        abandoned = threading.Event()
+        is_abandoned.set(abandoned)
+        gone = asyncio.create_task(until_disconnected(request))
+        gone.add_done_callback(lambda _: abandoned.set())
         try:
             written = await _EXPORTS.run(lambda: file.enter_context(export))
         finally:
+            gone.cancel()
             runtime.export_gate.release(caller.tenant)
         try:
             await run_in_threadpool(file.enter_context, count_file(runtime, caller, written.path))

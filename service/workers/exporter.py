@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,6 +48,10 @@ TRIES = 2
 """Processes that a file is tried with: the first may be killed for the sake of another."""
 DISK_INTERVAL_S = 0.25
 """Interval of the looks at the disk while a file grows, in seconds."""
+
+
+is_abandoned: ContextVar[threading.Event | None] = ContextVar("is_abandoned", default=None)
+"""Event in the context of an export that is set when its caller is gone: then it ends."""
 
 
 class ExportError(ServiceError):
@@ -212,6 +217,7 @@ def _await_answer(child: Child, task: FileTask, timeout_s: float, disk: DiskSpac
         raise ChildLostError("its process did not get ready")
     child.send_task(task)
     deadline = time.monotonic() + timeout_s
+    abandoned = is_abandoned.get()
     while (left_s := deadline - time.monotonic()) > 0:
         message = child.receive(min(left_s, DISK_INTERVAL_S))
         if isinstance(message, Exported | Failed):
@@ -220,4 +226,6 @@ def _await_answer(child: Child, task: FileTask, timeout_s: float, disk: DiskSpac
             raise ChildLostError(f"it answered {message.kind!r} to another task")
         if disk.is_short:
             raise OverloadedError("Too little disk is left for the file; retry later.")
+        if abandoned is not None and abandoned.is_set():
+            raise NotReadyError("The connection was closed during the export.")
     raise JobTimeoutError(f"The export was ended after the allowed {timeout_s:g} s.")

@@ -163,6 +163,21 @@ def test_a_child_that_the_kernel_ends_for_want_of_memory_says_so(
         export(made)
 
 
+def test_an_export_ends_when_its_caller_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone = threading.Event()
+    gone.set()
+    token = module.is_abandoned.set(gone)
+    with (
+        exporter(tmp_path, monkeypatch) as (made, children),
+        pytest.raises(NotReadyError, match="connection was closed"),
+    ):
+        export(made)
+    module.is_abandoned.reset(token)
+    assert len(children.started) == 1
+
+
 def test_the_time_limit_ends_an_export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         exporter(tmp_path, monkeypatch, timeout_s=0.05) as (made, _),
