@@ -36,6 +36,8 @@ class Progress:
     stage: str
     fraction: float
     """Share of the work that is done, in [0, 1]."""
+    needs_label: str | None = None
+    """Label of the workers that it waits for; None if any may run it."""
 
 
 @dataclass(frozen=True, slots=True)

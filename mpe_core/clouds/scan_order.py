@@ -1,4 +1,4 @@
-"""Place of the scanner, told from the order in which a scan lists its points.
+"""Viewpoint of the scanner, told from the order in which a scan lists its points.
 
 A scanner turns its beam, and a camera reads its pixels, by equal steps. Seen from where it stood,
 points that follow one another therefore lie at equal steps of the direction, across every edge of
@@ -29,7 +29,7 @@ surfaces all steps look equal from anywhere."""
 
 MAX_STEP = 0.05
 """Median distance of points that follow one another, in radii of the cloud, up to which they are in
-an order; shuffled clouds have 1 (docs/tuning.md)."""
+an order; clouds in no order have 0.06 to 0.9 (docs/tuning.md)."""
 
 MIN_TRIPLES, MAX_TRIPLES = 200, 400
 """Triples of points that are needed, and that are looked at."""

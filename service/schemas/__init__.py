@@ -40,6 +40,7 @@ from service.schemas.resources import (
     FormatInfo,
     FormatList,
     Health,
+    Readiness,
     SignedUrl,
     TenantUsage,
 )
@@ -78,6 +79,7 @@ __all__ = [
     "Percentile",
     "Problem",
     "Progress",
+    "Readiness",
     "Reading",
     "Readings",
     "RegistrationParameters",

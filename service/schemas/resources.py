@@ -113,6 +113,11 @@ class Health(ResponseModel):
     """Whether the service works."""
 
     status: Literal["ok"] = "ok"
+
+
+class Readiness(Health):
+    """Whether registrations start at once."""
+
     warnings: list[str] = Field(
         default_factory=list,
         description="What keeps registrations waiting until somebody mends it, in words.",

@@ -15,6 +15,7 @@ import pytest
 from tusclient.client import TusClient
 from tusclient.uploader import Uploader
 
+from tests.factories.clouds import knot
 from tests.factories.scans import arms, as_npy, motion, moved, pose_error
 from tests.factories.server import Server, running_server
 from tests.factories.waiting import until
@@ -26,7 +27,7 @@ TUS = {"Tus-Resumable": "1.0.0"}
 
 def as_text(rows: int) -> bytes:
     text = io.StringIO()
-    np.savetxt(text, arms(3, rows), fmt="%.7f")
+    np.savetxt(text, knot(rows, np.random.default_rng(3)), fmt="%.7f")
     return text.getvalue().encode()
 
 

@@ -150,12 +150,16 @@ def test_timeout_in_native_code(tmp_path: Path) -> None:
 
 def test_a_cloud_that_the_memory_does_not_hold_is_refused(tmp_path: Path) -> None:
     rows = "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in arms(5, 800_000).tolist())
-    cloud = f"OFF\n800000 0 0\n{rows}".encode()
+    cloud = (
+        '<VTKFile type="PolyData" version="1.0"><PolyData><Piece NumberOfPoints="800000"><Points>'
+        f'<DataArray type="Float32" NumberOfComponents="3" format="ascii">{rows}</DataArray>'
+        "</Points></Piece></PolyData></VTKFile>"
+    ).encode()
     with running_server(tmp_path, job_memory_bytes=2**30) as server:
         job = finished(server.client, server.submit(cloud, cloud).json()["id"])
         assert job["status"] == "failed", job
         assert job["error"]["type"] == "urn:mpe:problem:unreadable-cloud"
-        assert "thinned while they are read" in job["error"]["detail"]
+        assert "decoded as a whole" in job["error"]["detail"]
         assert_gone(server)
         assert_works(server)
 

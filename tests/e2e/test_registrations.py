@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.factories.clouds import knot
 from tests.factories.scans import arms, as_npy, motion, moved, pose_error
 from tests.factories.server import CALL_S, Server, finished, submit
 from tests.factories.slow import SLOW, slow_pair
@@ -18,7 +19,7 @@ from tests.factories.waiting import until
 
 
 def test_accepted_then_finished(server: Server) -> None:
-    target = arms(3)
+    target = knot(30_000, np.random.default_rng(3))
     response = server.submit(as_npy(target), as_npy(target))
     assert response.status_code == 202
     accepted = response.json()
@@ -30,7 +31,7 @@ def test_accepted_then_finished(server: Server) -> None:
     assert job["status"] == "succeeded"
     assert job["error"] is None
     assert job["attempt"] == 1
-    assert job["progress"] == {"stage": "finished", "fraction": 1.0}
+    assert job["progress"] == {"stage": "finished", "fraction": 1.0, "needs_label": None}
     times = [
         datetime.fromisoformat(job[f"{event}_at"]) for event in ("created", "started", "finished")
     ]

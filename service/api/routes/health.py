@@ -11,7 +11,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from service.api.dependencies import CurrentCaller, CurrentRuntime, identify
 from service.api.threads import OwnThreads
 from service.problems import NotReadyError, OverloadedError
-from service.schemas import Capacity, Health, TenantUsage
+from service.schemas import Capacity, Health, Readiness, TenantUsage
 
 router = APIRouter(tags=["health"])
 
@@ -27,7 +27,7 @@ async def livez() -> Health:
 
 
 @router.get("/readyz", operation_id="getReadiness", summary="Do registrations start at once?")
-async def readyz(runtime: CurrentRuntime) -> Health:
+async def readyz(runtime: CurrentRuntime) -> Readiness:
     """Return 200 when workers, database and disk are ready, and 503 otherwise or while stopping."""
     if not runtime.workers.is_ready:
         reason = runtime.workers.failure or "they are starting, or the service is stopping"
@@ -39,7 +39,7 @@ async def readyz(runtime: CurrentRuntime) -> Health:
             warnings = await _PROBES.run(runtime.missing_workers.describe, abandon=True)
     except TimeoutError:
         raise NotReadyError("The database does not answer; retry later.") from None
-    return Health(warnings=warnings)
+    return Readiness(warnings=warnings)
 
 
 @router.get(
