@@ -321,7 +321,8 @@ def table(result: Result) -> str:
         " refined candidates of the search, and the minimum next to the true pose. The best pose of"
         " each case is judged by models that were fitted to the cases of all other families;"
         f" a wrong pose counts {WRONG_COUNTS:g} times. The worlds and all real pairs"
-        " were in view when the kinds of evidence were chosen.\n"
+        " were in view when the kinds of evidence were chosen. The source is moved, whichever"
+        " is smaller.\n"
     ]
     for seen, title in ((False, "Without viewpoints"), (True, "With viewpoints")):
         cases = poses_of(result["rows"], seen=seen)
