@@ -18,7 +18,7 @@ from mpe_core.refine.scale import ScaleStep, estimate_scale_step
 from mpe_core.refine.swapped import SwappedPointToPlane
 from mpe_core.result import CodedWarning, Registration
 from mpe_core.rigid_registration import Attempt, register_rigidly
-from mpe_core.search.pose_search import QUICK, SEARCH_LEVELS
+from mpe_core.search.pose_search import QUICK, SEARCH_LEVELS, SearchLevel
 
 Array = NDArray[np.float64]
 
@@ -122,9 +122,7 @@ def _register_units(
 ) -> Registration:
     """Find the units that fit; one unit where none do."""
     for guess in guess_units(*normalize_pair(source, target).radii()):
-        attempt = register_rigidly(
-            source.scaled(guess.factor), target, options, progress, levels=QUICK_LEVELS
-        )
+        attempt = _register_at(guess.factor, source, target, options, progress, QUICK_LEVELS)
         if attempt.found.accepted:
             text = CodedWarning(
                 "units_changed",
@@ -189,9 +187,7 @@ def _name_cause(
     if options.initial_transform is not None or options.method != "mpl":
         return None
     for guess in guess_units(*first.pair.radii()):
-        trial = register_rigidly(
-            source.scaled(guess.factor), target, options, progress, levels=QUICK_LEVELS
-        )
+        trial = _register_at(guess.factor, source, target, options, progress, QUICK_LEVELS)
         if trial.found.accepted:
             larger = max(guess.factor, 1 / guess.factor)
             names = ("target", "source") if guess.factor > 1 else ("source", "target")
@@ -203,6 +199,24 @@ def _name_cause(
             )
     trial = _register_mirrored(source, target, options, progress)
     return MIRRORED if trial.found.accepted else None
+
+
+def _register_at(
+    scale: float,
+    source: Cloud,
+    target: Cloud,
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel] = SEARCH_LEVELS,
+    start: Array | None = None,
+) -> Attempt:
+    """Register the source with its coordinates times a scale, and its viewpoint with them."""
+    if (viewpoint := options.source_viewpoint) is not None:
+        x, y, z = (scale * value for value in viewpoint)
+        options = replace(options, source_viewpoint=(x, y, z))
+    return register_rigidly(
+        source.scaled(scale), target, options, progress, levels=levels, start=start
+    )
 
 
 def _register_mirrored(
@@ -224,9 +238,7 @@ def _register_free(
     scales = _start_scales(source, target, options.scale)
     tried: list[_Scaled] = []
     for scale in scales:
-        attempt = register_rigidly(
-            source.scaled(scale), target, options, progress, levels=QUICK_LEVELS[:1]
-        )
+        attempt = _register_at(scale, source, target, options, progress, QUICK_LEVELS[:1])
         refined = _refine_scale(source, target, _Scaled(scale, attempt), options, progress)
         tried.append(refined if refined.attempt.found.accepted else _Scaled(scale, attempt))
         if refined.attempt.found.confidence > SEARCH_LEVELS[0].stop_confidence:
@@ -263,7 +275,7 @@ def _refine_scale(
             break
         scale = scaled.scale * float(np.exp(change))
         start = _about_centre(scaled.attempt, float(np.exp(-change)))
-        attempt = register_rigidly(source.scaled(scale), target, options, progress, start=start)
+        attempt = _register_at(scale, source, target, options, progress, start=start)
         scaled = replace(scaled, scale=scale, attempt=attempt)
     return scaled
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mpe_core import InvalidOptionsError, RegistrationOptions, register
+from mpe_core.clouds.scan_order import infer_viewpoint
 from mpe_core.geometry.rigid import apply
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import knot, moved, real_pair
@@ -60,6 +61,20 @@ def test_a_free_scale_is_estimated(factor, is_range):
     there = apply(pair.T_target_source, pair.source)
     here = apply(found.T_target_source, source)
     assert np.linalg.norm(here - there, axis=1).max() < 0.02
+
+
+@pytest.mark.parametrize(("scale", "factor"), [("units", 1000), ("free", 3.7)])
+def test_the_viewpoint_is_scaled_with_the_source(data, scale, factor):
+    trial = real_pair(data, "bunnyreal_1_0")
+    places = [infer_viewpoint(cloud).position for cloud in (trial.source, trial.target)]
+    source, target = (tuple(place) for place in places)
+    known = {"source_viewpoint": source, "target_viewpoint": target}
+    alike = register(trial.source, trial.target, RegistrationOptions(scale=scale, **known))
+    known["source_viewpoint"] = tuple(factor * np.array(source))
+    options = RegistrationOptions(scale=scale, **known)
+    found = register(factor * trial.source, trial.target, options)
+    assert found.scale == pytest.approx(alike.scale / factor, rel=1e-3)
+    assert found.confidence == pytest.approx(alike.confidence, abs=0.01)
 
 
 def test_a_wrong_scale_is_not_accepted_in_silence(data):
