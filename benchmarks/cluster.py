@@ -107,6 +107,11 @@ def _measure_cost(client: httpx.Client, url: str, bucket: Path) -> dict[str, flo
 
 
 def _usage(url: str, bucket: Path) -> dict[str, float]:
+    return {**database_usage(url), **bucket_usage(bucket)}
+
+
+def database_usage(url: str) -> dict[str, float]:
+    """Return what the database has done so far."""
     query = (
         "SELECT xact_commit, tup_inserted, tup_updated,"
         " pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0')"
@@ -115,10 +120,14 @@ def _usage(url: str, bucket: Path) -> dict[str, float]:
     with psycopg.connect(url) as connection:
         row = connection.execute(query).fetchone()
     assert row is not None
-    files = [path.stat().st_size for path in bucket.rglob("*") if path.is_file()]
     names = ("transactions", "rows inserted", "rows updated", "bytes of the log")
-    database = dict(zip(names, map(float, row), strict=True))
-    return {**database, "objects": len(files), "bytes of objects": sum(files)}
+    return dict(zip(names, map(float, row), strict=True))
+
+
+def bucket_usage(bucket: Path) -> dict[str, float]:
+    """Return how many objects the folder of a bucket holds, and their bytes."""
+    sizes = [path.stat().st_size for path in bucket.rglob("*") if path.is_file()]
+    return {"objects": len(sizes), "bytes of objects": sum(sizes)}
 
 
 def table(result: Result) -> str:

@@ -10,9 +10,13 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-import psycopg
-
-from benchmarks.cluster import POINTS, SETTINGS, measure_registrations
+from benchmarks.cluster import (
+    POINTS,
+    SETTINGS,
+    bucket_usage,
+    database_usage,
+    measure_registrations,
+)
 from benchmarks.experiment import Experiment, Result, markdown
 from benchmarks.sizing_model import describe_model
 from benchmarks.sleeping_workers import Costs, Load, drain
@@ -81,12 +85,12 @@ def _servers(programs: Path) -> Iterator[tuple[Postgres, str, S3Server]]:
 def _measure_run(load: Load, postgres: Postgres, url: str, s3: S3Server) -> Result:
     given = s3.new_prefix()
     blob = BlobSettings(**{name.removeprefix("blob_"): value for name, value in given.items()})
-    before, store_before_s = _database_usage(url), s3.cpu_s
-    database_before_s, files_before = postgres.cpu_s, _files(s3)
+    before, store_before_s = database_usage(url), s3.cpu_s
+    database_before_s, files_before = postgres.cpu_s, bucket_usage(s3.bucket)
     with closing(open_database(url)) as database:
         costs = drain(load, database, url, blob)
     time.sleep(1)  # the statistics of the server are late
-    after, files = _database_usage(url), _files(s3)
+    after, files = database_usage(url), bucket_usage(s3.bucket)
     per_job: dict[str, float] = {name: (after[name] - before[name]) / load.jobs for name in after}
     # each transaction asks whether its connection lives, begins, and commits
     round_trips = costs.statements / load.jobs + 3 * per_job["transactions"]
@@ -94,8 +98,7 @@ def _measure_run(load: Load, postgres: Postgres, url: str, s3: S3Server) -> Resu
         "round trips": round_trips,
         "database, ms of a core": 1000 * (postgres.cpu_s - database_before_s) / load.jobs,
         "store, ms of a core": 1000 * (s3.cpu_s - store_before_s) / load.jobs,
-        "objects": (files[0] - files_before[0]) / load.jobs,
-        "bytes of objects": (files[1] - files_before[1]) / load.jobs,
+        **{name: (files[name] - files_before[name]) / load.jobs for name in files},
     }
     return {**_described(load, costs), "per_job": per_job}
 
@@ -109,24 +112,6 @@ def _described(load: Load, costs: Costs) -> dict[str, Any]:
         "ideal_per_s": load.ideal_per_s,
         "worker_ms": 1000 * costs.cpu_s / load.jobs,
     }
-
-
-def _database_usage(url: str) -> dict[str, float]:
-    query = (
-        "SELECT xact_commit, tup_inserted, tup_updated,"
-        " pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0')"
-        " FROM pg_stat_database WHERE datname = current_database()"
-    )
-    with psycopg.connect(url) as connection:
-        row = connection.execute(query).fetchone()
-    assert row is not None
-    names = ("transactions", "rows inserted", "rows updated", "bytes of the log")
-    return dict(zip(names, map(float, row), strict=True))
-
-
-def _files(s3: S3Server) -> tuple[int, int]:
-    sizes = [path.stat().st_size for path in s3.bucket.rglob("*") if path.is_file()]
-    return len(sizes), sum(sizes)
 
 
 def table(result: Result) -> str:

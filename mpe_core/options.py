@@ -192,6 +192,11 @@ class RegistrationOptions:
                 raise InvalidOptionsError(f"{name} needs initial_transform: give both or neither")
         self._check_purpose()
 
+    @property
+    def is_global(self) -> bool:
+        """Whether the pose is searched for among all, and not from a start alone."""
+        return self.method == "mpl" and self.search == "global"
+
     def _check_scale(self) -> None:
         if isinstance(self.scale, str):
             if self.scale not in SCALES:
@@ -223,7 +228,7 @@ class RegistrationOptions:
 
     def _check_purpose(self) -> None:
         """Refuse what the chosen method would ignore."""
-        if self.method == "mpl" and self.search == "global":
+        if self.is_global:
             return
         searched = ("max_rotation_deg", "max_translation", "voxel_size")
         for name in ("source_gravity", "source_viewpoint", "yaw_only", "scale", *searched):

@@ -103,8 +103,8 @@ def _with_inferred_viewpoints(
     options: RegistrationOptions, source: Cloud, target: Cloud
 ) -> tuple[RegistrationOptions, tuple[CodedWarning, ...]]:
     """Add the scanners' places that the order of both clouds tells, and say so."""
-    is_searched = options.method == "mpl" and options.search == "global"
-    if not is_searched or options.infer_viewpoints == "never" or options.source_viewpoint:
+    is_asked = options.infer_viewpoints == "auto" and options.source_viewpoint is None
+    if not (options.is_global and is_asked):
         return options, ()
     x = infer_viewpoint(source.points)
     y = None if x is None else infer_viewpoint(target.points)

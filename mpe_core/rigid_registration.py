@@ -119,7 +119,7 @@ def _choose_pipeline(
     """Pipeline that moves the source, or the target where the source is the larger cloud."""
     source, target = clouds
     prior = PosePrior.from_options(options, pair)
-    larger = np.divide(*pair.radii())
+    larger = np.divide(*pair.radii)
     if larger < MIN_EXCHANGE_RATIO or options.initial_transform or options.overlap:
         return PosePipeline(
             source, target, prior, options, pair.size_ratio, compares_shape=compares_shape
@@ -207,7 +207,7 @@ def _keep_near_parts(pair: CloudPair, options: RegistrationOptions) -> CloudPair
     ]
     found = [
         find_near_radius(cloud, radius, centre)
-        for (cloud, centre), radius in zip(clouds, pair.radii(), strict=True)
+        for (cloud, centre), radius in zip(clouds, pair.radii, strict=True)
     ]
     reach = min((radius for radius in found if radius is not None), default=None)
     if reach is None or not all(shows_surface_within(cloud, reach, at) for cloud, at in clouds):
@@ -224,7 +224,7 @@ def _find_poses(
     levels: Sequence[SearchLevel],
 ) -> list[ScoredPose]:
     """Best pose by the chosen method, followed by those that fit as well."""
-    if options.method == "mpl" and options.search == "global":
+    if options.is_global:
         return _find_by_search(pipeline, pair, options, progress, levels)
     minimum = run_paper_method(pair, options, progress)
     return [ScoredPose(minimum, pipeline.score(minimum.T))]

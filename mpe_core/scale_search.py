@@ -121,7 +121,7 @@ def _register_units(
     source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
 ) -> Registration:
     """Find the units that fit; one unit where none do."""
-    for guess in guess_units(*normalize_pair(source, target).radii()):
+    for guess in guess_units(*normalize_pair(source, target).radii):
         attempt = _register_at(guess.factor, source, target, options, progress, QUICK_LEVELS)
         if attempt.found.accepted:
             text = CodedWarning(
@@ -186,7 +186,7 @@ def _name_cause(
     """Name what would make a refused pair fit: other units, or the other hand."""
     if options.initial_transform is not None or options.method != "mpl":
         return None
-    for guess in guess_units(*first.pair.radii()):
+    for guess in guess_units(*first.pair.radii):
         trial = _register_at(guess.factor, source, target, options, progress, QUICK_LEVELS)
         if trial.found.accepted:
             larger = max(guess.factor, 1 / guess.factor)

@@ -45,12 +45,17 @@ class CloudPair:
     """(3,) centre of mass of the source, in the caller's frame."""
     target_centre: Array
     """(3,) centre of mass of the target, in the caller's frame."""
+    radii: tuple[float, float]
+    """Radii of source and target, in the caller's unit."""
     unit: float
     """Length of 1 in the caller's unit."""
-    size_ratio: float
-    """Radius of the larger cloud over the unit."""
     is_uneven: bool = False
     """Whether few places hold nearly all points of a cloud, so that it is thinned more."""
+
+    @property
+    def size_ratio(self) -> float:
+        """Radius of the larger cloud over the unit."""
+        return max(self.radii) / self.unit
 
     def to_caller(self, T: Array) -> Array:
         """(4, 4) pose between the caller's clouds, for the pose T between the normalized ones."""
@@ -74,10 +79,6 @@ class CloudPair:
             None if target is None else (np.array(target) - self.target_centre) / self.unit,
         )
 
-    def radii(self) -> tuple[float, float]:
-        """Radii of source and target, in the caller's unit."""
-        return _measure(self.source_cloud)[1], _measure(self.target_cloud)[1]
-
 
 def normalize_pair(source: Cloud, target: Cloud) -> CloudPair:
     """Centre both clouds on their centres of mass, and scale them by the smaller radius.
@@ -91,9 +92,7 @@ def normalize_pair(source: Cloud, target: Cloud) -> CloudPair:
         centered(cloud.points, centre, unit)
         for cloud, centre in zip((source, target), centres, strict=True)
     )
-    return CloudPair(
-        source, target, x, y, centres[0], centres[1], unit, large / unit, any(are_uneven)
-    )
+    return CloudPair(source, target, x, y, centres[0], centres[1], radii, unit, any(are_uneven))
 
 
 def _measure(cloud: Cloud) -> tuple[Array, float, bool]:

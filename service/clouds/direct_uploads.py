@@ -14,7 +14,7 @@ from uuid import uuid4
 from sqlalchemy import delete, insert, select, update
 
 from service.clouds.store import CloudStore, StoredCloud
-from service.clouds.uploads import Upload, find_upload, unknown_upload
+from service.clouds.uploads import Upload, find_upload
 from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.tables import uploads
@@ -70,10 +70,7 @@ class DirectUploads:
             There is none of this id.
         """
         with self._database.read() as connection:
-            upload = find_upload(connection, tenant, upload_id, uploads.c.sha256.is_not(None))
-        if upload is None:
-            raise unknown_upload()
-        return upload
+            return find_upload(connection, tenant, upload_id, uploads.c.sha256.is_not(None))
 
     def complete(self, upload: Upload) -> StoredCloud:
         """Make the file that has arrived the tenant's cloud of the same id.

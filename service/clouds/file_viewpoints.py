@@ -21,9 +21,8 @@ def with_file_viewpoints(
         A warning that tells where they are from, if they were added.
     """
     known = source.scanner_position, target.scanner_position
-    is_searched = options.method == "mpl" and options.search == "global"
     is_asked = options.source_viewpoint is None and not options.ignore_file_viewpoints
-    if known[0] is None or known[1] is None or not (is_searched and is_asked):
+    if known[0] is None or known[1] is None or not (options.is_global and is_asked):
         return options, ()
     places = ["({:.6g}, {:.6g}, {:.6g})".format(*each) for each in known if each is not None]
     text = (

@@ -73,10 +73,7 @@ class UploadStore:
             There is none of this id.
         """
         with self._database.read() as connection:
-            row = find_upload(connection, tenant, upload_id, uploads.c.sha256.is_(None))
-        if row is None:
-            raise unknown_upload()
-        return row
+            return find_upload(connection, tenant, upload_id, uploads.c.sha256.is_(None))
 
     def offset(self, upload: Upload) -> int:
         """Return the number of bytes received so far.
@@ -184,11 +181,19 @@ def try_lock(file: BinaryIO) -> bool:
 
 def find_upload(
     connection: Connection, tenant: str, upload_id: str, *conditions: ColumnElement[bool]
-) -> Upload | None:
-    """Return the tenant's upload, or None."""
+) -> Upload:
+    """Return the tenant's upload.
+
+    Raises
+    ------
+    UnknownUploadError
+        There is none of this id.
+    """
     is_own = and_(uploads.c.id == upload_id, uploads.c.tenant == tenant)
     row = connection.execute(select(uploads).where(is_own, *conditions)).one_or_none()
-    return None if row is None else Upload(**row._mapping)
+    if row is None:
+        raise unknown_upload()
+    return Upload(**row._mapping)
 
 
 def unknown_upload() -> UnknownUploadError:

@@ -36,7 +36,7 @@ def corridor() -> Array:
 
 def test_a_corridor_loses_its_ends(corridor: Array) -> None:
     cloud = validate_cloud(corridor)
-    _, radius = normalize_pair(cloud, cloud).radii()
+    _, radius = normalize_pair(cloud, cloud).radii
     near_radius = find_near_radius(cloud, radius, np.zeros(3))
     assert near_radius is not None
     assert 1.2 < near_radius < 0.8 * radius
@@ -51,7 +51,7 @@ def test_scans_and_noise_are_kept_whole(data) -> None:
     ball = rng.normal(size=(4000, 3))
     for points in (shape, noisy, ball, room(rng)):
         cloud = validate_cloud(points)
-        _, radius = normalize_pair(cloud, cloud).radii()
+        _, radius = normalize_pair(cloud, cloud).radii
         assert find_near_radius(cloud, radius, scanner_place(cloud, None)) is None
 
 
