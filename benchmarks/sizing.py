@@ -92,10 +92,8 @@ def _measure_run(load: Load, postgres: Postgres, url: str, s3: S3Server) -> Resu
     time.sleep(1)  # the statistics of the server are late
     after, files = database_usage(url), bucket_usage(s3.bucket)
     per_job: dict[str, float] = {name: (after[name] - before[name]) / load.jobs for name in after}
-    # each transaction asks whether its connection lives, begins, and commits
-    round_trips = costs.statements / load.jobs + 3 * per_job["transactions"]
     per_job |= {
-        "round trips": round_trips,
+        "round trips of the worker": costs.round_trips / load.jobs,
         "database, ms of a core": 1000 * (postgres.cpu_s - database_before_s) / load.jobs,
         "store, ms of a core": 1000 * (s3.cpu_s - store_before_s) / load.jobs,
         **{name: (files[name] - files_before[name]) / load.jobs for name in files},

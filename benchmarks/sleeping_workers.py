@@ -62,8 +62,8 @@ class Costs:
     """What a run took."""
 
     seconds: float
-    statements: int
-    """Of SQL, by the workers; BEGIN and COMMIT are left out."""
+    round_trips: int
+    """Of the workers to the database."""
     cpu_s: float
     """Processor time of the workers."""
 
@@ -81,7 +81,7 @@ def drain(load: Load, database: Database, url: str, blob: BlobSettings) -> Costs
             started = time.perf_counter()
             answers = [results.get() for _ in range(number)]
             seconds = max(answer["ended_at"] for answer in answers) - started
-    return Costs(seconds, sum(a["statements"] for a in answers), sum(a["cpu_s"] for a in answers))
+    return Costs(seconds, sum(a["round_trips"] for a in answers), sum(a["cpu_s"] for a in answers))
 
 
 def _store_cloud(directory: Path, blob: BlobSettings) -> CloudInput:
@@ -120,10 +120,10 @@ def _processes(
 def _work(
     threads: int, load: Load, url: str, blob: BlobSettings, barrier: Any, results: Any
 ) -> None:
-    statements = [0]
+    round_trips = [0]
 
-    def count(*_: object) -> None:
-        statements[0] += 1
+    def count(_connection: object, _cursor: object, statement: str, *_: object) -> None:
+        round_trips[0] += 2 if statement.startswith("BEGIN") else 1  # it has a COMMIT
 
     with tempfile.TemporaryDirectory() as directory, closing(open_database(url)) as database:
         worker = SleepingWorkers(database, _open_blobs(Path(directory), blob), load)
@@ -131,7 +131,7 @@ def _work(
         barrier.wait()
         before_s = time.process_time()
         worker.run(threads)
-        answer = {"ended_at": worker.ended_at, "statements": statements[0]}
+        answer = {"ended_at": worker.ended_at, "round_trips": round_trips[0]}
         results.put({**answer, "cpu_s": time.process_time() - before_s})
 
 

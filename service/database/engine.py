@@ -48,8 +48,18 @@ class Database(ReadableDatabase, Protocol):
     def poll_interval_s(self) -> float:
         """Seconds between two looks of a process that waits for a row to change."""
 
+    def read(self, *, single: bool = False) -> AbstractContextManager[Connection]:
+        """Open a snapshot to read from.
+
+        Parameters
+        ----------
+        single
+            The block has one statement, which is a snapshot by itself: a server is asked once
+            instead of three times.
+        """
+
     def write(
-        self, *, exclusive: bool = False, durable: bool = True
+        self, *, exclusive: bool = False, durable: bool = True, single: bool = False
     ) -> AbstractContextManager[Connection]:
         """Open a transaction; commit on exit, roll back on an exception.
 
@@ -61,6 +71,8 @@ class Database(ReadableDatabase, Protocol):
         durable
             Wait for the disk. Otherwise the commit survives a crash of the process, but not of
             the machine, until a durable one has followed.
+        single
+            The block has one statement, which is a transaction by itself: durable, not exclusive.
         """
 
     def announce(self, connection: Connection, message: str) -> None:

@@ -11,6 +11,7 @@ from service.database.clock import read_time
 from service.database.errors import translate_errors
 from service.database.migrate import migrate
 from service.database.postgres_listener import CHANNEL, PostgresListener
+from service.database.postgres_liveness import replace_lost_connections
 
 POOL_SIZE = 20
 """Most connections of one service, of the 100 that a server allows by default."""
@@ -32,6 +33,8 @@ class PostgresDatabase:
         self._url = url
         self._engine = _create_engine(url)
         self._snapshot_engine = self._engine.execution_options(isolation_level="REPEATABLE READ")
+        # the driver begins no transactions here: those of `write` begin in _begin alone
+        self._plain_engine = self._engine.execution_options(isolation_level="AUTOCOMMIT")
         try:
             with self.write(exclusive=True) as connection:
                 migrate(connection)
@@ -40,19 +43,21 @@ class PostgresDatabase:
             raise
 
     @contextmanager
-    def read(self) -> Iterator[Connection]:
-        """Open a snapshot to read from."""
-        with translate_errors(), self._snapshot_engine.connect() as connection:
+    def read(self, *, single: bool = False) -> Iterator[Connection]:
+        """Open a snapshot to read from; a single statement is one by itself."""
+        engine = self._plain_engine if single else self._snapshot_engine
+        with translate_errors(), engine.connect() as connection:
             yield connection
+            connection.commit()  # a rollback makes the driver forget its prepared statements
 
     @contextmanager
-    def write(self, *, exclusive: bool = False, durable: bool = True) -> Iterator[Connection]:
+    def write(
+        self, *, exclusive: bool = False, durable: bool = True, single: bool = False
+    ) -> Iterator[Connection]:
         """Open a transaction; others run beside it unless both are exclusive."""
-        with translate_errors(), self._engine.begin() as connection:
-            if not durable:
-                connection.execute(text("SET LOCAL synchronous_commit TO OFF"))
-            if exclusive:
-                connection.execute(select(func.pg_advisory_xact_lock(ADVISORY_LOCK_ID)))
+        with translate_errors(), self._plain_engine.begin() as connection:
+            if not single:
+                _begin(connection, exclusive=exclusive, durable=durable)
             yield connection
 
     def announce(self, connection: Connection, message: str) -> None:
@@ -101,16 +106,27 @@ class PostgresSnapshot:
         self._engine.dispose()
 
 
+def _begin(connection: Connection, *, exclusive: bool, durable: bool) -> None:
+    """Begin a transaction and say of what kind it is, in one round trip."""
+    statements = ["BEGIN"]
+    if not durable:
+        statements.append("SET LOCAL synchronous_commit TO OFF")
+    if exclusive:
+        statements.append(f"SELECT pg_advisory_xact_lock({ADVISORY_LOCK_ID})")
+    connection.exec_driver_sql("; ".join(statements))
+
+
 def _create_engine(url: str) -> Engine:
-    return create_engine(
+    engine = create_engine(
         make_url(url).set(drivername="postgresql+psycopg"),
         hide_parameters=True,  # an error that is logged must not tell what a row holds
         pool_size=POOL_SIZE,
         max_overflow=0,
-        pool_pre_ping=True,  # a connection that the server closed is replaced before it is used
         connect_args={
             "connect_timeout": CONNECT_TIMEOUT_S,
             "application_name": "mpe",
             "client_encoding": "utf8",
         },
     )
+    replace_lost_connections(engine)
+    return engine

@@ -43,13 +43,15 @@ class SqliteDatabase:
             raise
 
     @contextmanager
-    def read(self) -> Iterator[Connection]:
+    def read(self, *, single: bool = False) -> Iterator[Connection]:
         """Open a snapshot to read from."""
         with translate_errors(), self._engine.connect() as connection:
             yield connection
 
     @contextmanager
-    def write(self, *, exclusive: bool = False, durable: bool = True) -> Iterator[Connection]:
+    def write(
+        self, *, exclusive: bool = False, durable: bool = True, single: bool = False
+    ) -> Iterator[Connection]:
         """Open a transaction; every one is exclusive."""
         engine = self._durable_engine if durable else self._relaxed_engine
         with translate_errors(), self._writer_lock, engine.begin() as connection:

@@ -68,8 +68,10 @@ def accept_job(
             check_tenant_queue_limit(queued, tenant_queue_limit)
         enter_queue(connection, job.tenant, *get_args(JobQueue))
     connection.execute(insert(jobs), asdict(job))
-    record = record_end if job.status == "succeeded" else record_change
-    record(connection, job.id)
+    if job.status == "succeeded":
+        job = record_end(connection, job)
+    else:
+        record_change(connection, job.id)
     if idempotency is not None:
         row = {**asdict(idempotency), "tenant": job.tenant, "job_id": job.id}
         connection.execute(insert(idempotency_keys).values(**row))

@@ -75,8 +75,9 @@ def claim_next(
 
 def record_turn(connection: Connection, tenant: str, queue: str) -> None:
     """Make the tenant the most recently served one of the queue; turns are counted, not timed."""
-    last = select(func.max(turns.c.turn)).where(turns.c.queue == queue)
-    turn = (connection.scalar(last) or 0) + 1
+    last = turns.alias()
+    highest = select(func.coalesce(func.max(last.c.turn), 0)).where(last.c.queue == queue)
+    turn = highest.scalar_subquery() + 1
     own = and_(turns.c.tenant == tenant, turns.c.queue == queue)
     if not connection.execute(update(turns).where(own).values(turn=turn)).rowcount:
         connection.execute(insert(turns).values(tenant=tenant, queue=queue, turn=turn))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from urllib.parse import urlsplit
 from uuid import uuid4
 
@@ -16,8 +17,10 @@ from sqlalchemy import (
     update,
 )
 
+from service.clouds.inputs import CLOUD_ROLES
 from service.database.clock import now
 from service.database.tables import deliveries, events, jobs
+from service.jobs.model import JobRow
 from service.outbound.urls import redact_url
 
 
@@ -26,23 +29,26 @@ def record_change(connection: Connection, job_id: str) -> None:
     connection.execute(_INSERT_EVENT, {"event_job_id": job_id})
 
 
-def record_end(connection: Connection, job_id: str) -> None:
+def record_end(connection: Connection, job: JobRow) -> JobRow:
     """Append the end of the job to its events, plan its callback and redact its URLs.
 
     The clouds are not fetched again, so nothing needs the secrets that their URLs may hold.
+
+    Returns
+    -------
+    JobRow
+        As it is in the table now.
     """
-    record_change(connection, job_id)
-    plan_delivery(connection, job_id)
-    _redact_urls(connection, job_id)
+    record_change(connection, job.id)
+    plan_delivery(connection, job)
+    return _redact_urls(connection, job)
 
 
-def plan_delivery(connection: Connection, job_id: str) -> None:
+def plan_delivery(connection: Connection, job: JobRow) -> None:
     """Plan a call to the callback of the job, if it has one, due now."""
-    query = select(jobs.c.tenant, jobs.c.callback_url).where(jobs.c.id == job_id)
-    job = connection.execute(query).one()
     if job.callback_url is None:
         return
-    row = {"id": str(uuid4()), "job_id": job_id, "status": "pending", "tries": []}
+    row = {"id": str(uuid4()), "job_id": job.id, "status": "pending", "tries": []}
     place = {"tenant": job.tenant, "host": urlsplit(job.callback_url).netloc}
     connection.execute(insert(deliveries).values(**row, **place, created_at=now(), next_at=now()))
 
@@ -64,9 +70,11 @@ def _insert_event() -> Insert:
 _INSERT_EVENT = _insert_event()  # built once: building takes longer than executing
 
 
-def _redact_urls(connection: Connection, job_id: str) -> None:
-    query = select(jobs.c.source, jobs.c.target).where(jobs.c.id == job_id)
-    clouds = connection.execute(query).one()._mapping
-    redacted = {role: {**cloud, "url": redact_url(cloud["url"])} for role, cloud in clouds.items()}
-    if redacted != clouds:
-        connection.execute(update(jobs).where(jobs.c.id == job_id).values(**redacted))
+def _redact_urls(connection: Connection, job: JobRow) -> JobRow:
+    clouds = {role: getattr(job, role) for role in CLOUD_ROLES}
+    redacted = {role: replace(cloud, url=redact_url(cloud.url)) for role, cloud in clouds.items()}
+    if redacted == clouds:
+        return job
+    values = {role: asdict(cloud) for role, cloud in redacted.items()}
+    connection.execute(update(jobs).where(jobs.c.id == job.id).values(**values))
+    return replace(job, **redacted)

@@ -25,7 +25,7 @@ from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import TERMINAL_STATUSES, JobQueue, JobRow, Outcome, Retention
 from service.jobs.notifier import JobListener
-from service.jobs.rows import find_job, job_from_row
+from service.jobs.rows import job_from_row
 from service.jobs.sizes import LARGE, choose_queue
 from service.jobs.worker_slots import count_slots
 from service.problems import DeadlineError, WorkerLostError, error_document
@@ -90,7 +90,7 @@ class JobTransitions:
 
     def is_claimable(self, queue: JobQueue, tenant_limit: int = NO_LIMIT) -> bool:
         """Return whether `claim` would find a job now."""
-        with self._database.read() as connection:
+        with self._database.read(single=True) as connection:
             return find_next_tenant(connection, queue, tenant_limit) is not None
 
     def claim(
@@ -123,14 +123,14 @@ class JobTransitions:
     def extend_lease(self, job: JobRow, *, lease_s: float) -> bool:
         """Let the lease end `lease_s` from now; return False when the attempt is not current."""
         lease = update(jobs).where(_is_current_attempt(job))
-        with self._database.write() as connection:
+        with self._database.write(single=True) as connection:
             result = connection.execute(lease.values(lease_until=now() + lease_s))
             return result.rowcount == 1
 
     def is_current(self, job: JobRow) -> bool:
         """Return whether the job still runs, in the attempt that was claimed as `job`."""
         query = select(jobs.c.id).where(_is_current_attempt(job))
-        with self._database.read() as connection:
+        with self._database.read(single=True) as connection:
             return connection.scalar(query) is not None
 
     def record_progress(self, job: JobRow, stage: str, fraction: float) -> bool:
@@ -161,7 +161,7 @@ class JobTransitions:
         """
         if job.queue == "large":
             return False
-        with self._database.read() as connection:
+        with self._database.read(single=True) as connection:
             if not count_slots(connection, LARGE):
                 return False
         return self._change(job, {"queue": "large", **_QUEUED})
@@ -229,7 +229,7 @@ class JobTransitions:
     def fail_overdue(self) -> int:
         """Fail the queued jobs whose deadline has passed; return their number."""
         is_overdue = and_(jobs.c.status == "queued", jobs.c.deadline_at < now())
-        with self._database.read() as connection:
+        with self._database.read(single=True) as connection:
             overdue = list(connection.scalars(select(jobs.c.id).where(is_overdue)))
         error = error_document(DeadlineError("The deadline passed before a worker was free."))
         return sum(
@@ -252,13 +252,13 @@ class JobTransitions:
         self, cutoff: ColumnElement[float], reason: str, held: Container[str] = ()
     ) -> int:
         query = select(jobs).where(jobs.c.status == "running", jobs.c.lease_until < cutoff)
-        with self._database.read() as connection:
+        with self._database.read(single=True) as connection:
             ended = [job_from_row(row) for row in connection.execute(query)]
         return sum(self.interrupt(job, reason) for job in ended if job.id not in held)
 
     def _with_totals(self, job: JobRow, stages: dict[str, float]) -> dict[str, float]:
         assert job.started_at is not None  # noqa: S101
-        with self._database.read() as connection:
+        with self._database.read(single=True) as connection:
             total_s = read_time(connection) - job.created_at
         queued_s = job.started_at - job.created_at
         if job.queue != "fetch":
@@ -293,11 +293,11 @@ class JobTransitions:
             "expires_at": now() + self._retention.job_s,
         }
         with self._database.write() as connection:
-            if not _update(connection, guard, ending | values):
+            change = update(jobs).where(guard).values(**ending | values).returning(jobs)
+            row = connection.execute(change).one_or_none()
+            if row is None:
                 return False
-            record_end(connection, job_id)
-            job = find_job(connection, jobs.c.id == job_id)
-            assert job is not None  # noqa: S101
+            job = record_end(connection, job_from_row(row))
             self._announce(connection, "ended", job)
         self._notify(lambda listener: listener.ended(job))
         return True

@@ -13,6 +13,7 @@ from service.database.tables import deliveries, jobs
 from service.jobs.claim_order import record_turn
 from service.jobs.events import plan_delivery
 from service.jobs.model import TERMINAL_STATUSES, DeliveryStatus
+from service.jobs.rows import find_job
 from service.problems import QuotaExceededError
 from service.webhooks.send_order import QUEUE, find_next
 
@@ -65,12 +66,13 @@ class Outbox:
         waits = and_(of_job, deliveries.c.status == "pending")
         ended = and_(jobs.c.status.in_(TERMINAL_STATUSES), jobs.c.callback_url.is_not(None))
         with self._database.write(exclusive=True) as connection:
-            if connection.scalar(select(jobs.c.id).where(jobs.c.id == job_id, ended)) is None:
+            job = find_job(connection, jobs.c.id == job_id, ended)
+            if job is None:
                 return False
             soon = update(deliveries).where(waits).values(next_at=now())
             if not connection.execute(soon).rowcount:
                 _check_messages(connection.scalar(select(func.count()).where(of_job)) or 0)
-                plan_delivery(connection, job_id)
+                plan_delivery(connection, job)
         return True
 
     def claim(self, free: int) -> DeliveryRow | None:

@@ -66,6 +66,14 @@ def test_what_is_committed_can_be_read(database: Database, durable: bool) -> Non
     assert name_of(database) == "new"
 
 
+def test_a_single_statement_is_a_transaction_by_itself(database: Database) -> None:
+    add_row(database)
+    with database.write(single=True) as connection:
+        connection.execute(update(api_keys).values(name="new"))
+    with database.read(single=True) as connection:
+        assert connection.scalar(select(api_keys.c.name)) == "new"
+
+
 def test_a_reader_sees_one_moment(database: Database) -> None:
     add_row(database)
     with database.read() as connection:
