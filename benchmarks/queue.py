@@ -21,6 +21,7 @@ from service.database.tables import events, jobs, turns
 from service.jobs.missing_workers import MissingWorkers
 from service.jobs.model import JobRow
 from service.jobs.queries import JobFilter, JobQueries
+from service.jobs.search import render_search_text
 from service.jobs.transitions import JobTransitions
 from service.jobs.worker_slots import WorkerSlots
 from service.telemetry.metrics import Metrics
@@ -77,10 +78,9 @@ def fill(database: Database, rows: int = ROWS, tenants: int = TENANTS) -> None:
     began_at = JobQueries(database).present() - rows
     with database.write() as connection:
         for start in range(0, rows, 5000):
-            made = [
-                asdict(_row(number, tenants, began_at)) for number in range(start, start + 5000)
-            ]
-            connection.execute(insert(jobs), made)
+            made = [_row(number, tenants, began_at) for number in range(start, start + 5000)]
+            rows_of_jobs = [asdict(row) | {"search_text": render_search_text(row)} for row in made]
+            connection.execute(insert(jobs), rows_of_jobs)
         for number in range(tenants):
             connection.execute(insert(turns).values(tenant=f"t{number}", queue="register", turn=0))
         state = (jobs.c.id, literal(1), jobs.c.created_at, jobs.c.status, jobs.c.stage)
@@ -127,6 +127,7 @@ def measure_rows(database: Database) -> Result:
         "list of a label": lambda: queries.page(
             "t1", limit=50, only=JobFilter(label=("part", "p1"))
         ),
+        "search": lambda: queries.page("t1", limit=50, only=JobFilter(words=("p1", "none"))),
         "submit": lambda: transitions.add(new_job(tenant="t2"), tenant_queue_limit=10 * ROWS),
         "look for work": lambda: transitions.is_claimable("register"),
         "claim": claim,

@@ -74,6 +74,8 @@ class Filters(TypedDict, total=False):
     status: JobStatus
     label: str
     """Those with this label, as name:value."""
+    search: str
+    """Those that every word is found in: in labels, ids, URLs and hashes."""
     created_after: datetime
     created_before: datetime
 

@@ -74,6 +74,9 @@ def add_remote(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     listing = add("list", "list registrations, newest first")
     listing.add_argument("--status", choices=_STATUSES)
     listing.add_argument("--label", metavar="NAME:VALUE")
+    listing.add_argument(
+        "--search", metavar="WORDS", help="those with these words in labels, ids, URLs or hashes"
+    )
     listing.add_argument("--limit", type=int, default=20, help="most rows (%(default)s)")
     _add_download(add("download", "fetch the moved source, the report or the picture"))
 
@@ -183,7 +186,7 @@ def _status(client: Client, arguments: argparse.Namespace) -> int:
 
 
 def _list(client: Client, arguments: argparse.Namespace) -> int:
-    names = ("status", "label")
+    names = ("status", "label", "search")
     filters: Any = {n: v for n in names if (v := getattr(arguments, n)) is not None}
     jobs = [job for job, _ in zip(client.list(**filters), range(arguments.limit), strict=False)]
     if arguments.json:

@@ -68,6 +68,8 @@ jobs = Table(
     Column("result_bytes", BigInteger),
     Column("confidence", Float),
     Column("labels", JSON, nullable=False),
+    # names of labels, clouds and URLs, folded; the default is for services of the release before
+    Column("search_text", String, nullable=False, server_default=""),
     # the highest of a tenant goes first
     Column("priority", Integer, nullable=False),
     Column("deadline_at", Float),

@@ -15,6 +15,7 @@ from service.jobs.events import record_change, record_end
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobQueue, JobRow, Retention
 from service.jobs.rows import count_jobs, find_job
+from service.jobs.search import render_search_text
 from service.jobs.sizes import choose_queue
 from service.problems import IdempotencyMismatchError, QueueFullError, QuotaExceededError
 
@@ -67,14 +68,15 @@ def accept_job(
             queued = count_jobs(connection, "queued", job.tenant)
             check_tenant_queue_limit(queued, tenant_queue_limit)
         enter_queue(connection, job.tenant, *get_args(JobQueue))
-    connection.execute(insert(jobs), asdict(job))
+    row = {**asdict(job), "search_text": render_search_text(job)}
+    connection.execute(insert(jobs), row)
     if job.status == "succeeded":
         job = record_end(connection, job)
     else:
         record_change(connection, job.id)
     if idempotency is not None:
-        row = {**asdict(idempotency), "tenant": job.tenant, "job_id": job.id}
-        connection.execute(insert(idempotency_keys).values(**row))
+        key = {**asdict(idempotency), "tenant": job.tenant, "job_id": job.id}
+        connection.execute(insert(idempotency_keys), key)
     return job
 
 

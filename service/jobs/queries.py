@@ -13,6 +13,7 @@ from service.database.pagination import Place, select_page
 from service.database.tables import events, jobs, turns
 from service.jobs.model import JOB_STATUSES, JobEvent, JobQueue, JobRow, JobStatus
 from service.jobs.rows import count_jobs, find_job, job_from_row
+from service.jobs.search import match_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +23,8 @@ class JobFilter:
     status: JobStatus | None = None
     label: tuple[str, str] | None = None
     """Name and value that the job must be labelled with."""
+    words: tuple[str, ...] = ()
+    """Each must match, as in `service.jobs.search`."""
     created_after: float | None = None
     """Exclusive, in seconds since the epoch."""
     created_before: float | None = None
@@ -113,6 +116,7 @@ def _conditions(only: JobFilter) -> Iterator[ColumnElement[bool]]:
     if only.label is not None:
         name, value = only.label
         yield jobs.c.labels[name].as_string() == value
+    yield from match_words(only.words)
     if only.created_after is not None:
         yield jobs.c.created_at > only.created_after
     if only.created_before is not None:

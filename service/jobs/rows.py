@@ -14,6 +14,7 @@ from service.jobs.model import JobQueue, JobRow, JobStatus
 def job_from_row(row: Row[Any]) -> JobRow:
     """Convert a row with all columns of the jobs table."""
     values = dict(row._mapping)
+    del values["search_text"]
     for role in CLOUD_ROLES:
         values[role] = CloudInput(**values[role])
     return JobRow(**values)

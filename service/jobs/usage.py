@@ -27,7 +27,7 @@ ROW_BYTES = 4096
 its events, its key, a block of the disk for its file."""
 _TEXTS = (
     *(jobs.c.source, jobs.c.target, jobs.c.options, jobs.c.labels),
-    *(jobs.c.warnings, jobs.c.callback_url),
+    *(jobs.c.warnings, jobs.c.callback_url, jobs.c.search_text),
 )
 """Columns whose length is the caller's choice; each counts."""
 

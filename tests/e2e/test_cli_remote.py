@@ -46,6 +46,8 @@ def test_the_way_of_a_registration(server: Server, folder: Path) -> None:
     assert "mpe: finished (100%)" in watched.stderr
     listed = call(server, folder, "list", "--label", "part:door")
     assert job_id in listed.stdout
+    assert job_id in call(server, folder, "list", "--search", f"Door {job_id[:8]}").stdout
+    assert job_id not in call(server, folder, "list", "--search", "roof").stdout
     for name in ("moved.csv", "report.html", "preview.png"):
         path = folder / name
         done = call(server, folder, "download", job_id, str(path), "--distances", "--unit", "mm")

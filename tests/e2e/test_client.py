@@ -84,6 +84,7 @@ def test_the_moved_source_is_downloaded(client: Client, folder: Path) -> None:
     np.testing.assert_allclose(read_points(path).points, MOVED, atol=1e-3)
     assert len(client.inliers(job.id).pairs) == job.require_result().inliers.count
     assert [item.id for item in client.list(label="part:client")] == [job.id]
+    assert [item.id for item in client.list(search=f"client {job.id}")] == [job.id]
     with pytest.raises(ProblemError, match="format"):
         client.download_aligned(job.id, folder / "moved.docx")
     assert sorted(path.name for path in folder.glob("moved*")) == ["moved.npy"]

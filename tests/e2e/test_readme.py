@@ -92,7 +92,7 @@ def test_curl_examples(outputs: list[str], folder: Path) -> None:
 
 def test_curl_cookbook(outputs: list[str], folder: Path) -> None:
     told = outputs[len(blocks(README, "sh")) : -len(blocks(SERVICE, "sh"))]
-    events, pose, _, stored, again, found = told
+    events, pose, _, stored, again, listed = told
     first = json.loads((folder / "build/demo/registration.json").read_text())
     assert json.loads(pose) == first["result"]["transform"]
     assert "event: " in events
@@ -105,7 +105,9 @@ def test_curl_cookbook(outputs: list[str], folder: Path) -> None:
     assert cloud["id"] == "blade"
     assert json.loads(stored.strip()[end:])["source"]["sha256"] == first["source"]["sha256"]
     assert json.loads(again)["id"]
-    assert first["id"] in [item["id"] for item in json.loads(found)["items"]]
+    found, end = json.JSONDecoder().raw_decode(listed)
+    assert first["id"] in [item["id"] for item in found["items"]]
+    assert json.loads(listed[end:])["items"][0]["source"]["cloud"] == "blade"
 
 
 def test_library_example(folder: Path) -> None:

@@ -5,6 +5,9 @@ import { showFace, showLoading, showProblem } from "./faces";
 import { percent } from "./verdict";
 
 const PAGE_SIZE = 25;
+/** Rest after a keystroke before the service searches, in milliseconds. */
+const REST_MS = 250;
+const MAX_SEARCH_LENGTH = 200;
 const STATES = ["succeeded", "running", "queued", "failed", "cancelled"];
 
 interface Page {
@@ -16,39 +19,52 @@ interface Page {
 export async function openList(place: HTMLElement, signal: AbortSignal): Promise<void> {
   const jobs: JobSummary[] = [];
   let cursor: string | null = null;
+  let asked = new AbortController();
+  let rest = 0;
   const state = h("select", { id: "state" }, h("option", { value: "" }, "Any state"), ...STATES.map((name) => h("option", { value: name }, name)));
-  const search = h("input", { id: "search", type: "search", placeholder: "Name or id", autocomplete: "off" });
+  const search = h("input", { id: "search", type: "search", placeholder: "Name, label, URL or id", maxLength: MAX_SEARCH_LENGTH, autocomplete: "off" });
   const body = h("div", { className: "list" });
   const more = h("button", { type: "button", hidden: true }, "Load more");
 
   const show = (): void => {
-    const words = search.value.trim().toLowerCase();
-    const found = jobs.filter((job) => describe(job).includes(words));
-    body.replaceChildren(found.length ? makeTable(found) : makeEmpty(jobs.length > 0 || state.value !== ""));
+    const isFiltered = search.value.trim() !== "" || state.value !== "";
+    body.replaceChildren(jobs.length ? makeTable(jobs) : makeEmpty(isFiltered));
     more.hidden = cursor === null;
   };
   const load = async (): Promise<void> => {
+    const { signal: current } = asked;
     more.disabled = true;
-    const only = state.value ? `&status=${state.value}` : "";
-    const after = cursor ? `&cursor=${encodeURIComponent(cursor)}` : "";
+    const query = new URLSearchParams({ limit: String(PAGE_SIZE) });
+    if (state.value) query.set("status", state.value);
+    if (search.value.trim()) query.set("search", search.value.trim());
+    if (cursor) query.set("cursor", cursor);
     try {
-      const page: Page = await getJson<Page>(`${REGISTRATIONS}?limit=${PAGE_SIZE}${only}${after}`, { signal });
+      const page: Page = await getJson<Page>(`${REGISTRATIONS}?${query}`, { signal: current });
+      if (cursor === null) jobs.length = 0;
       jobs.push(...page.items);
       cursor = page.next_cursor;
       show();
     } catch (error) {
-      if (!signal.aborted) body.replaceChildren(showProblem(error, () => void load()));
+      if (!current.aborted) body.replaceChildren(showProblem(error, () => void load()));
     }
-    more.disabled = false;
+    if (!current.aborted) more.disabled = false;
   };
   const restart = (): void => {
-    jobs.length = 0;
+    clearTimeout(rest);
+    asked.abort();
+    asked = new AbortController();
     cursor = null;
-    body.replaceChildren(showLoading("Loading the registrations"));
     void load();
   };
+  signal.addEventListener("abort", () => {
+    clearTimeout(rest);
+    asked.abort();
+  });
   state.addEventListener("change", restart);
-  search.addEventListener("input", show);
+  search.addEventListener("input", () => {
+    clearTimeout(rest);
+    rest = window.setTimeout(restart, REST_MS);
+  });
   more.addEventListener("click", () => void load());
   place.replaceChildren(
     h(
@@ -60,11 +76,8 @@ export async function openList(place: HTMLElement, signal: AbortSignal): Promise
       more,
     ),
   );
+  body.replaceChildren(showLoading("Loading the registrations"));
   restart();
-}
-
-function describe(job: JobSummary): string {
-  return `${job.id} ${nameCloud(job, "source")} ${nameCloud(job, "target")} ${job.status}`.toLowerCase();
 }
 
 function makeTable(jobs: JobSummary[]): HTMLElement {
@@ -92,6 +105,6 @@ function makeRow(job: JobSummary): HTMLElement {
 function makeEmpty(isFiltered: boolean): HTMLElement {
   const link = h("a", { href: "#/", className: "button" }, "Align two clouds");
   return isFiltered
-    ? showFace("None found", "No registration on these pages matches. Load more, or change the search.")
+    ? showFace("None found", "No registration matches. Change the search or the state; what has expired is gone.")
     : showFace("No registrations yet", "What you align shows up here, until it expires.", link);
 }

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BeforeValidator
+from pydantic import AfterValidator, BeforeValidator
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import (
@@ -29,6 +29,7 @@ from service.database.pagination import cut_page
 from service.jobs.idempotency import Idempotency
 from service.jobs.model import JobRow, JobStatus, is_terminal
 from service.jobs.queries import JobFilter
+from service.jobs.search import MAX_WORDS, split_words
 from service.runtime import Runtime
 from service.schemas import Job, JobPage, RegistrationRequest
 from service.schemas.serialize_job import render_job, summarize_job
@@ -46,7 +47,18 @@ def _require_iso_date(text: str) -> str:
     return text
 
 
+def _require_few_words(text: str) -> str:
+    split_words(text)
+    return text
+
+
 Timestamp = Annotated[datetime, BeforeValidator(_require_iso_date)]
+Words = Annotated[str, AfterValidator(_require_few_words)]
+SEARCH = (
+    "Only those that every word is found in, whatever its case: in the value of a label, the id of "
+    "a stored cloud or a URL, or at the beginning of the id or of the SHA-256 of a cloud. At most "
+    f"{MAX_WORDS} words."
+)
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -114,6 +126,7 @@ def list_registrations(
         str | None,
         Query(pattern=r"^[A-Za-z0-9_.-]{1,64}:", description="Only those labelled name:value."),
     ] = None,
+    search: Annotated[Words, Query(max_length=200, description=SEARCH)] = "",
     created_after: Annotated[Timestamp | None, Query(description="Only later ones.")] = None,
     created_before: Annotated[Timestamp | None, Query(description="Only earlier ones.")] = None,
 ) -> JobPage:
@@ -121,6 +134,7 @@ def list_registrations(
     only = JobFilter(
         status=status,
         label=None if label is None else _split_label(label),
+        words=split_words(search),
         created_after=_to_epoch(created_after),
         created_before=_to_epoch(created_before),
     )

@@ -37,6 +37,8 @@ QUERIES = [
     "?label=a:%00%ff",
     "?created_after=0001-01-01T00:00:00%2B23:59",
     "?created_before=9999-12-31T23:59:59-23:59",
+    "?search=%00",
+    "?search=%25%5C_%ff%20a%20b%20c%20d%20e%20f%20g%20h%20i%20j",
     "?status=%F0%9F%92%A9",
     "?format=npy&format=&merged=maybe",
     "?role=source&max_points=1",

@@ -28,7 +28,7 @@ from sqlalchemy import (
 from service.database.engine import open_database
 from service.database.migrate import STEPS, migrate
 from service.database.tables import metadata
-from service.jobs.queries import JobQueries
+from service.jobs.queries import JobFilter, JobQueries
 from tests.factories.jobs import OUTCOME, claim, open_transitions
 
 NEXT = """
@@ -133,6 +133,8 @@ def test_an_upgraded_store_works(url: str, engine: Engine) -> None:
     assert (done.status, done.labels, done.result_sha256) == ("succeeded", {"part": "door"}, "r")
     assert done.source.size == 3_000_000_000
     assert queries.get("lab", "done") is None
+    found = queries.page("default", limit=9, only=JobFilter(words=("door", "done")))
+    assert [job.id for job in found] == ["done"]
     claimed = claim(open_transitions(database))
     assert (claimed.id, claimed.attempt) == ("waits", 2)
     database.close()

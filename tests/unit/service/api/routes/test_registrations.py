@@ -124,6 +124,9 @@ def test_pages_follow_one_another(tmp_path: Path) -> None:
         ({}, ["new", "old"]),
         ({"label": "part:door"}, ["new"]),
         ({"status": "running"}, []),
+        ({"search": "DOOR ne"}, ["new"]),
+        ({"search": ""}, ["new", "old"]),
+        ({"search": "door roof"}, []),
         ({"created_after": "1970-01-01T00:20:00Z"}, ["new"]),
         ({"created_before": "1970-01-01T00:20:00"}, ["old"]),
         ({"created_before": "1970-01-01T02:20:00+02:00"}, ["old"]),
@@ -144,7 +147,15 @@ def test_filters(tmp_path: Path, query: dict[str, str], expected: list[str]) -> 
 
 @pytest.mark.parametrize(
     "query",
-    [{"limit": 0}, {"limit": 201}, {"cursor": "x"}, {"created_after": "1000"}, {"label": "x"}],
+    [
+        {"limit": 0},
+        {"limit": 201},
+        {"cursor": "x"},
+        {"created_after": "1000"},
+        {"label": "x"},
+        {"search": "x" * 201},
+        {"search": "a b c d e f g h i j k"},
+    ],
 )
 def test_queries_that_make_no_sense(tmp_path: Path, query: dict[str, Any]) -> None:
     async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
