@@ -85,7 +85,7 @@ _GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
     ),
     (re.compile(rb"<"), f"XML of another kind, which is not read: {_EXPORT}"),
     (
-        re.compile(rb"[^\n]{0,200}\d[dD][+-]\d"),
+        re.compile(rb"(?:[^\n]{0,200}\n){0,3}[^\n]{0,200}\d[dD][+-]\d"),
         "numbers of Fortran, as 1.5D+02: write E in place of D",
     ),
     (
@@ -144,6 +144,11 @@ def _is_riegl(head: bytes) -> bool:
 def _is_esri_grid(head: bytes) -> bool:
     lines = head[:400].lower().split(b"\n")
     return lines[0].split()[:1] == [b"ncols"] and any(b"nrows" in line for line in lines[1:2])
+
+
+def _is_grass_grid(head: bytes) -> bool:
+    lines = head[:400].lower().split(b"\n")
+    return lines[0].startswith(b"north:") and any(line.startswith(b"rows:") for line in lines)
 
 
 def _is_tar(head: bytes) -> bool:
@@ -228,6 +233,7 @@ def _is_matlab_text(head: bytes) -> bool:
 _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (_is_riegl, "a RIEGL scan, which is not read: export it as LAS or E57"),
     (_is_esri_grid, "an ESRI ASCII grid, which is not read: convert it to lines of x y z"),
+    (_is_grass_grid, "a GRASS ASCII grid, which is not read: convert it to lines of x y z"),
     (_is_tar, "a tar archive, which is not read: send one file, as it is, in gzip or in zip"),
     (_is_dxf, "DXF, which is not read: export its points as LAS or its surfaces as STL"),
     (_is_collada, "COLLADA, which is not read: export it as PLY or OBJ"),

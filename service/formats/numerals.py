@@ -15,11 +15,16 @@ _DELIMITERS = re.compile(r"[,;|\s]")
 MISSING = frozenset(
     (
         *("<na>", "-", "--", "---", "nil", "missing", "undefined", "no data", "nodata"),
-        *("na", "n/a", "null", "none", "-nan", "nan(snan)", "nan(ind)", "-nan(ind)"),
-        *("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan", "1.#snan", "-1.#snan", "1.#inf", "-1.#inf"),
+        *("na", "n/a", "null", "none", "-nan", "\\n", "?", "*", ".", "infinite", "∞", "-∞"),
     )
 )
-"""Words, in lower case, that stand for a missing number."""
+"""Words, in lower case, that stand for a missing number; \\n is that of MySQL, in lower case."""
+_NO_NUMBER = re.compile(r"[+-]?(?:1\.#\w*|nan\(\w*\))")
+"""NaN and infinity as the libraries of C write them, with any number of digits."""
+_MAX_MISSING_CHARACTERS = 24
+SHEET_ERROR = r"#(?:N/[AV]|NV|DIV/0!|[A-Z]{3,7}[!?])"
+"""Errors of spreadsheets: #N/A, #DIV/0!, #WERT!, #NAME?."""
+_SHEET_ERROR = re.compile(SHEET_ERROR)
 
 
 def is_number(field: str) -> bool:
@@ -30,7 +35,11 @@ def is_number(field: str) -> bool:
 def is_missing(field: str) -> bool:
     """Whether the field is empty or a word for a missing number."""
     bare = field.strip()
-    return not bare or (len(bare) < 12 and bare.lower() in MISSING)
+    if len(bare) > _MAX_MISSING_CHARACTERS:
+        return False
+    word = bare.lower()
+    is_special = _NO_NUMBER.fullmatch(word) or _SHEET_ERROR.fullmatch(bare)
+    return not word or word in MISSING or is_special is not None
 
 
 def is_value(field: str) -> bool:

@@ -22,6 +22,19 @@ _MAX_GROWTH = 2
 """Bytes of the text as it is written, at most, for one byte of the file."""
 
 
+def decode_line(raw: bytes) -> str:
+    """Return a line or a header as text: UTF-8, or else Latin-1."""
+    try:
+        return raw.decode("utf8")
+    except UnicodeDecodeError:
+        return raw.decode("latin1")
+
+
+def decode_lines(raw: bytes) -> list[str]:
+    """Return the lines between LF as text, each in the encoding that fits it."""
+    return [decode_line(line) for line in raw.split(b"\n")]
+
+
 def to_plain_head(head: bytes) -> bytes:
     """Return the first bytes of a text as they are after `rewrite_text`."""
     if (encoding := _find_encoding(head)) is not None:

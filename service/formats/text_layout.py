@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from service.formats.column_names import (
-    are_column_names,
-    are_geographic,
-    are_other_quantities,
-    find_normals,
-    find_xyz,
-)
-from service.formats.errors import CloudFileError, MalformedFileError, UnsupportedFileError
+from service.formats.column_names import are_other_quantities, find_normals
+from service.formats.errors import CloudFileError, MalformedFileError
 from service.formats.numerals import is_number, is_value, unquote
 from service.formats.text_guesses import (
     SAMPLED_ROWS,
@@ -27,13 +19,16 @@ from service.formats.text_guesses import (
     refuse_rows_and_columns,
     sample_rows,
 )
+from service.formats.text_header import (
+    COMMENTS,
+    DELIMITERS,
+    Header,
+    Names,
+    split_fields,
+    without_empty_end,
+)
+from service.formats.text_refusals import refuse_geographic, refuse_misplaced, refuse_other_names
 
-_DELIMITERS = (";", "\t", ",", "|", None)
-"""Delimiters in the order in which they are tried; None: any run of blanks."""
-_UNIT = re.compile(r"[ \t]?[\[(][^\[\]()]{0,20}[\])]")
-"""Unit behind a name, which is none of the words of a header."""
-_QUOTED = re.compile(r'"[^"]*"')
-_COMMENTS = ("#", "//", "%")
 _MIN_ROW_CHARACTERS = 5
 """Length of the shortest row or header of three columns: "1 2 3"."""
 _MAX_TEXT_LINES = 200
@@ -62,52 +57,6 @@ class TextLayout:
     """Whether the last column is a list, so that rows differ in length."""
     warnings: tuple[str, ...] = ()
     """How the text was interpreted."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Names:
-    """Names of columns, and which of them are the coordinates."""
-
-    items: list[str]
-    xyz: tuple[int, ...] | None
-
-    @classmethod
-    def of(cls, items: list[str]) -> _Names:
-        return cls(items, find_xyz(items))
-
-
-@dataclass(frozen=True, slots=True)
-class _Header:
-    """A line of text before the data."""
-
-    number: int  # from 1
-    names: dict[str | None, _Names]  # by the delimiter that separates them
-    words: _Names  # separated by any delimiter
-    is_comment: bool
-    is_open: bool  # whether the last column is a list, so that rows differ in length
-
-    @classmethod
-    def parse(cls, number: int, line: str) -> _Header:
-        text = _hide_quoted_delimiters(line.lstrip("#/% \t"))
-        bare = _UNIT.sub("", text)
-        listed = next((word for word in text.split() if word.endswith("[]")), None)
-        if listed is not None:
-            text = text[: text.index(listed) + len(listed)]
-            bare = text
-        names = {
-            delimiter: _Names.of(_split(text if delimiter else bare, delimiter))
-            for delimiter in _DELIMITERS
-        }
-        words = _Names.of(bare.replace(";", " ").replace(",", " ").split())
-        return cls(number, names, words, line.startswith(_COMMENTS), listed is not None)
-
-    def candidates(self, delimiter: str | None) -> tuple[_Names, _Names]:
-        """Return the names as the delimiter of the data separates them, and by any delimiter."""
-        return self.names[delimiter], self.words
-
-    def with_xyz(self) -> _Names | None:
-        """Return the first names with x, y, z among them."""
-        return next((names for names in [*self.names.values(), self.words] if names.xyz), None)
 
 
 def detect_layout(lines: Sequence[str]) -> TextLayout | None:
@@ -146,8 +95,8 @@ def _find_decimal_commas(lines: Sequence[str]) -> TextLayout | None:
 
 def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | None:
     """Find the first line of data and the header that fits it."""
-    named: _Header | None = None  # the last header with x, y, z
-    headers: list[_Header] = []  # the last line of text, and the last comment
+    named: Header | None = None  # the last header with x, y, z
+    headers: list[Header] = []  # the last line of text, and the last comment
     skipped: list[int] = []
     count: int | None = None
     for index, raw in enumerate(lines):
@@ -160,7 +109,7 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
         layout = _named_layout(named, row, index) if named and not is_short else None
         if layout is None and (fields := _numeric_fields(row)) is not None:
             if fields[0] and _is_numbered_header(fields[1], lines[index + 1 : index + 2]):
-                headers = [_Header.parse(index + 1, text)]
+                headers = [Header.parse(index + 1, text)]
                 skipped.append(index + 1)
                 continue
             sample = sample_rows(lines[index:], fields[0])
@@ -171,13 +120,13 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
         if text.isdecimal() and count is None:
             count = int(text[:18])
             continue
-        if not text.startswith(_COMMENTS):
+        if not text.startswith(COMMENTS):
             skipped.append(index + 1)
         if len(skipped) > _MAX_TEXT_LINES:
             return None
         if is_short:
             continue
-        header = _Header.parse(index + 1, text)
+        header = Header.parse(index + 1, text)
         named = header if header.with_xyz() else named
         headers = [item for item in headers if item.is_comment != header.is_comment] + [header]
     return None
@@ -191,10 +140,10 @@ def _complete(layout: TextLayout, count: int | None, skipped: Sequence[int]) -> 
     return replace(layout, count=count, warnings=warnings)
 
 
-def _named_layout(header: _Header, row: str, index: int) -> TextLayout | None:
+def _named_layout(header: Header, row: str, index: int) -> TextLayout | None:
     """Return columns by name, if the header has x, y, z and a name for each field."""
-    for delimiter in _DELIMITERS:
-        fields = _split(row, delimiter)
+    for delimiter in DELIMITERS:
+        fields = split_fields(row, delimiter)
         for names in header.candidates(delimiter):
             if names.xyz is None or not _fit(names.items, fields, is_open=header.is_open):
                 continue
@@ -206,16 +155,35 @@ def _named_layout(header: _Header, row: str, index: int) -> TextLayout | None:
     return None
 
 
+def _shifted_layout(
+    header: Header, delimiter: str | None, fields: list[str], index: int
+) -> TextLayout | None:
+    """Return columns by name, if the first has none, as those of row names that R writes."""
+    for names in header.candidates(delimiter):
+        if names.xyz is None or len(names.items) + 1 != len(fields) or header.is_open:
+            continue
+        normals = find_normals(names.items)
+        return TextLayout(
+            index,
+            delimiter,
+            tuple(place + 1 for place in names.xyz),
+            normals and tuple(place + 1 for place in normals),
+            {name: place + 1 for name, place in _others(names, fields[1:]).items()},
+            warnings=("column 1 has no name and is taken for names of the rows",),
+        )
+    return None
+
+
 def _fit(names: Sequence[str], fields: Sequence[str], *, is_open: bool) -> bool:
     """Whether there is a name for each field, without empty ones at the end of either."""
     if is_open:
         return len(fields) >= len(names) - 1
-    return len(_without_empty_end(names)) == len(_without_empty_end(fields)) or (
+    return len(without_empty_end(names)) == len(without_empty_end(fields)) or (
         len(names) == len(fields)
     )
 
 
-def _others(names: _Names, fields: Sequence[str]) -> dict[str, int]:
+def _others(names: Names, fields: Sequence[str]) -> dict[str, int]:
     bare = [name.strip().strip("\"'") for name in names.items]
     repeated = {name for name, count in Counter(bare).items() if count > 1}
     return {
@@ -226,8 +194,8 @@ def _others(names: _Names, fields: Sequence[str]) -> dict[str, int]:
 
 
 def _unnamed_layout(
-    named: _Header | None,
-    headers: Sequence[_Header],
+    named: Header | None,
+    headers: Sequence[Header],
     found: tuple[str | None, list[str]],
     sample: Rows,
     index: int,
@@ -241,19 +209,22 @@ def _unnamed_layout(
         A header names other columns, or not as many as there are, or the rows are poses.
     """
     delimiter, values = found
-    fields = _without_empty_end(values)
+    fields = without_empty_end(values)
     for header in headers:
-        _refuse_geographic(header, delimiter, fields)
+        refuse_geographic(header, delimiter, fields)
         names = header.names[delimiter].items
         if names == ["", *map(str, range(len(names) - 1))] and len(names) == len(fields) > 3:
             warning = "column 1 is taken for the row index of pandas; columns 2 to 4 are read"
             return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
     if len(fields) == 3:
         return TextLayout(index, delimiter, warnings=_warn_of_three(headers, delimiter))
+    is_counted = counts_rows(sample)
     if named is not None:
-        _refuse_misplaced(named, fields, index)
+        if is_counted and (layout := _shifted_layout(named, delimiter, fields, index)):
+            return layout
+        refuse_misplaced(named, fields, index)
     for header in headers:
-        _refuse_other_names(header, delimiter, fields, index)
+        refuse_other_names(header, delimiter, fields, index)
     if delimiter == "," and has_decimal_commas(sample):
         raise MalformedFileError(
             f"line {index + 1}: commas seem to be decimal points as well as separators; "
@@ -261,7 +232,7 @@ def _unnamed_layout(
         )
     refuse_poses(sample)
     refuse_rows_and_columns(sample)
-    if counts_rows(sample):
+    if is_counted:
         warning = f"column 1 counts the rows; columns 2, 3 and 4 of {len(fields)} are read"
         return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
     if count is not None:  # PTS
@@ -270,7 +241,7 @@ def _unnamed_layout(
     return TextLayout(index, delimiter, warnings=(warning,))
 
 
-def _warn_of_three(headers: Sequence[_Header], delimiter: str | None) -> tuple[str, ...]:
+def _warn_of_three(headers: Sequence[Header], delimiter: str | None) -> tuple[str, ...]:
     """Say which columns are read, where a header calls three columns otherwise.
 
     Raises
@@ -280,7 +251,7 @@ def _warn_of_three(headers: Sequence[_Header], delimiter: str | None) -> tuple[s
     """
     for header in headers:
         for names in header.candidates(delimiter):
-            items = [name.strip().strip("\"'") for name in _without_empty_end(names.items)]
+            items = [name.strip().strip("\"'") for name in without_empty_end(names.items)]
             if names.xyz or len(items) != 3 or any(not name or is_number(name) for name in items):
                 continue
             listed = ", ".join(items)[:80]
@@ -295,9 +266,24 @@ def _warn_of_three(headers: Sequence[_Header], delimiter: str | None) -> tuple[s
 
 
 def _find_labelled(lines: Sequence[str]) -> TextLayout | None:
-    """Find rows of a label and coordinates, after comments alone."""
-    rows = [index for index, line in enumerate(lines) if line.strip() and line[:1] not in "#/%"]
-    for delimiter in _DELIMITERS:
+    """Find rows of a label and coordinates, after comments and at most one line of names.
+
+    Raises
+    ------
+    CloudFileError
+        A header calls the columns otherwise.
+    """
+    rows = [index for index, line in enumerate(lines) if line.strip() and line[:1] not in "#/%!*"]
+    for delimiter in DELIMITERS:
+        following = sample_rows([lines[index] for index in rows[1 : SAMPLED_ROWS + 1]], delimiter)
+        if are_labelled(following):
+            fields, first = following[0], rows[0]
+            headers = [Header.parse(i + 1, lines[i].strip()) for i in range(first + 1)]
+            if layout := _shifted_layout(headers[-1], delimiter, fields, rows[1]):
+                return layout
+            for header in headers:
+                refuse_geographic(header, delimiter, fields)
+                refuse_other_names(header, delimiter, fields, rows[1])
         sample = sample_rows([lines[index] for index in rows[: SAMPLED_ROWS + 1]], delimiter)
         if are_labelled(sample):
             is_counted = counts_rows([row[1:] for row in sample])
@@ -307,56 +293,6 @@ def _find_labelled(lines: Sequence[str]) -> TextLayout | None:
             warning = f"{what} the points; columns {listed} of {len(sample[0])} are read"
             return TextLayout(rows[0], delimiter, xyz, warnings=(warning,))
     return None
-
-
-def _refuse_geographic(header: _Header, delimiter: str | None, fields: Sequence[str]) -> None:
-    for names in header.candidates(delimiter):
-        if len(names.items) >= len(fields) and not names.xyz and are_geographic(names.items):
-            raise UnsupportedFileError(
-                f"line {header.number}: the columns {_readable(names.items)} are "
-                "geographic coordinates in degrees; project latitude and longitude to metres, "
-                "and name the columns x, y, z"
-            )
-
-
-def _refuse_misplaced(header: _Header, fields: Sequence[str], index: int) -> None:
-    """Refuse names x, y, z that are not the first three, over another number of fields."""
-    names = header.with_xyz()
-    if names is not None and names.xyz != (0, 1, 2):
-        raise _wrong_count(header, names.items, fields, index)
-
-
-def _refuse_other_names(
-    header: _Header, delimiter: str | None, fields: Sequence[str], index: int
-) -> None:
-    """Refuse a header with other names over more than three columns."""
-    if header.with_xyz():
-        return
-    names = _without_empty_end(header.names[delimiter].items)
-    if header.is_comment:
-        names = next(
-            (c.items for c in header.candidates(delimiter) if len(c.items) == len(fields)), []
-        )
-        if not are_column_names(names):
-            return
-    if any(map(is_number, names)):
-        return
-    if len(names) == len(fields):
-        raise MalformedFileError(
-            f"line {header.number}: the columns are called {_readable(names)}; "
-            "expected the names x, y and z among them"
-        )
-    if delimiter is not None and len(names) > 1:
-        raise _wrong_count(header, names, fields, index)
-
-
-def _wrong_count(
-    header: _Header, names: Sequence[str], fields: Sequence[str], index: int
-) -> MalformedFileError:
-    return MalformedFileError(
-        f"line {header.number} names {len(names)} columns, but line {index + 1} has "
-        f"{len(fields)} fields; expected a name for each column, and x, y and z among them"
-    )
 
 
 def _is_numbered_header(fields: Sequence[str], following: Sequence[str]) -> bool:
@@ -371,30 +307,8 @@ def _is_numbered_header(fields: Sequence[str], following: Sequence[str]) -> bool
 
 def _numeric_fields(row: str) -> tuple[str | None, list[str]] | None:
     """Return the delimiter and the fields, if the first three are numbers."""
-    for delimiter in _DELIMITERS:
+    for delimiter in DELIMITERS:
         fields = row.split(delimiter)
         if len(fields) >= 3 and all(is_number(item) for item in fields[:3]):
             return delimiter, fields
     return None
-
-
-def _hide_quoted_delimiters(header: str) -> str:
-    """Replace delimiters other than blanks within quoted names."""
-    return _QUOTED.sub(lambda found: re.sub(r"[,;|\t]", "_", found[0]), header)
-
-
-def _readable(names: Sequence[str]) -> str:
-    """List names for a message; those of UTF-8 were decoded as Latin-1."""
-    text = ", ".join(names)
-    with contextlib.suppress(UnicodeError):
-        text = text.encode("latin1").decode("utf8")
-    return repr(text[:80])
-
-
-def _split(line: str, delimiter: str | None) -> list[str]:
-    return line.strip().split(delimiter)
-
-
-def _without_empty_end(fields: Sequence[str]) -> list[str]:
-    """Return the fields without one empty field at the end, as a trailing delimiter leaves it."""
-    return list(fields[:-1] if len(fields) > 1 and not fields[-1].strip() else fields)

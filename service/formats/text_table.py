@@ -21,15 +21,18 @@ from service.formats.errors import (
     TruncatedFileError,
 )
 from service.formats.memory_map import map_file
-from service.formats.numerals import is_missing, is_number, unquote
+from service.formats.numerals import SHEET_ERROR, is_missing, is_number, unquote
+from service.formats.text_encoding import decode_line, decode_lines
 
 _CHUNK_BYTES = 1 << 20
 _BLOCK_BYTES = 32 << 20
 """Bytes of a block of a file that is read in pieces."""
 MIN_KERNEL_BYTES = 4 << 20
 """Bytes of text from which on the kernel is worth loading; it is ten times as fast."""
-_COMMENT = re.compile(r"(?<!\.)#")
-"""Beginning of a comment, but not the sign in 1.#QNAN, as Windows writes NaN."""
+_COMMENT = re.compile(rf"(?<!\.)(?!{SHEET_ERROR})#")
+"""Beginning of a comment, but not the sign in 1.#QNAN, as Windows writes NaN, and in #N/A."""
+_HASH_VALUE = re.compile(rf"\.#|{SHEET_ERROR}".encode())
+_HASH_VALUE_BYTES = 9
 
 
 CUT_WARNING = "the last line has no line end: its last number may have been cut"
@@ -131,13 +134,13 @@ class TextBlock:
     def lines(self) -> Iterator[str]:
         """Yield the lines with their ends."""
         left = self.end - self.start
-        with self.path.open(encoding="latin1", newline="\n") as file:
+        with self.path.open("rb") as file:
             file.seek(self.start)
             for line in file:
                 if left <= 0:
                     return
                 left -= len(line)
-                yield line
+                yield decode_line(line)
 
     def chunks(self) -> Iterator[bytes]:
         """Yield the bytes, some at a time."""
@@ -286,8 +289,8 @@ def _parse(
     dialect: Dialect,
     cleaner: TableCleaner | None,
 ) -> NDArray[np.float64]:
-    # with 1.#QNAN among the numbers only the cleaner can tell comments
-    comments = None if cleaner or _has_windows_nan(block) else "#"
+    # with 1.#QNAN or #N/A among the numbers only the cleaner can tell comments
+    comments = None if cleaner or _has_hash_values(block) else "#"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # about blank lines and missing data
         lines = _normalize_lines(block.lines(), dialect)
@@ -407,13 +410,13 @@ def ends_with_newline(path: Path) -> bool:
         return file.read(1) == b"\n"
 
 
-def _has_windows_nan(block: TextBlock) -> bool:
-    """Whether the sign # follows a point anywhere, as in 1.#QNAN."""
+def _has_hash_values(block: TextBlock) -> bool:
+    """Whether the sign # is part of a value anywhere, as in 1.#QNAN and #N/A."""
     last = b""
     for chunk in block.chunks():
-        if b".#" in last + chunk:
+        if b"#" in chunk and _HASH_VALUE.search(last + chunk):
             return True
-        last = chunk[-1:]
+        last = chunk[-_HASH_VALUE_BYTES:]
     return False
 
 
@@ -471,5 +474,5 @@ def read_head_lines(path: Path, limits: ReadLimits) -> list[str]:
     with path.open("rb") as file:
         head = file.read(limits.max_header_bytes)
         complete = len(file.read(1)) == 0
-    lines = head.decode("latin1").split("\n")
+    lines = decode_lines(head)
     return list(islice(lines if complete else lines[:-1], limits.max_header_lines))

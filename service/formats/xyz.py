@@ -19,6 +19,7 @@ from service.formats.errors import (
 )
 from service.formats.mesh.text import is_off_without_keyword, read_off
 from service.formats.numerals import is_number, significant_line, unquote
+from service.formats.text_encoding import decode_lines
 from service.formats.text_guesses import sample_rows
 from service.formats.text_layout import TextLayout, detect_layout
 from service.formats.text_table import (
@@ -29,6 +30,7 @@ from service.formats.text_table import (
     ends_with_newline,
     read_block,
     read_head_lines,
+    skip_lines,
     split_text,
 )
 from service.formats.unnamed_columns import name_columns
@@ -40,7 +42,7 @@ def sniff(head: bytes) -> bool:
     """Whether the bytes are lines of numbers, after at most a few lines of header."""
     if b"\0" in head:
         return False
-    lines = head.decode("latin1").split("\n")
+    lines = decode_lines(head)
     try:
         return detect_layout(lines[:-1] if len(lines) > 1 else lines) is not None
     except CloudFileError:
@@ -124,7 +126,7 @@ class _Text:
         columns = layout.xyz + (layout.normals or ())
         columns += () if weights is None else (layout.others[weights],)
         cleaner = _make_cleaner(head, layout, columns)
-        offset = sum(len(line) + 1 for line in head[: layout.first_row])
+        offset = skip_lines(path, 0, layout.first_row)
         return cls(head, layout, weights, cleaner, offset)
 
     def block(self, path: Path) -> TextBlock:
@@ -152,7 +154,7 @@ class _Text:
 
     def first_line(self) -> str:
         """Return the first line that is neither blank nor a comment."""
-        return significant_line("\n".join(self.head).encode("latin1")).decode("latin1")
+        return significant_line("\n".join(self.head).encode()).decode()
 
     def check_counts(self, rows: int) -> None:
         """Check that there are as many rows as are announced, as in PTS."""

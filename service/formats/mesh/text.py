@@ -26,6 +26,7 @@ from service.formats.text_table import (
     iter_columns,
     read_columns,
     read_head_lines,
+    skip_lines,
 )
 
 _OBJ_KEYWORDS = {b"v", b"vn", b"vt", b"vp", b"o", b"g", b"s", b"f", b"l", b"mtllib", b"usemtl"}
@@ -137,6 +138,6 @@ def _read_counts(path: Path, limits: ReadLimits) -> tuple[int, int, int, int]:
             f"line {number}: expected OFF and the numbers of vertices, faces and edges, "
             f"found {counts[:5]}"
         )
-    offset, count = sum(len(line) + 1 for line in lines[:number]), int(counts[0])
+    offset, count = skip_lines(path, 0, number), int(counts[0])
     check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
     return offset, number + 1, count, int(counts[1])

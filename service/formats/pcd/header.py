@@ -8,6 +8,7 @@ import numpy as np
 
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
+from service.formats.text_encoding import decode_line
 
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
 _TYPES = {"F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"}
@@ -59,7 +60,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PcdHeader:
         end = head.find(b"\n", offset)
         if end < 0:
             break
-        key, *rest = head[offset:end].decode("latin1").split() or ["#"]
+        key, *rest = decode_line(head[offset:end]).split() or ["#"]
         offset = end + 1
         if key.startswith("#"):
             continue

@@ -7,6 +7,7 @@ from typing import Literal
 
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
+from service.formats.text_encoding import decode_line
 
 Order = Literal["", "<", ">"]
 """Byte order in NumPy's notation; empty for ASCII."""
@@ -85,7 +86,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
         end = head.find(b"\n", offset)
         if end < 0:
             raise _missing_end(head, number, limits)
-        words = head[offset:end].decode("latin1").split()
+        words = decode_line(head[offset:end]).split()
         offset = end + 1
         match words:
             case ["ply"] if number == 1:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from service.formats.column_types import restore_type
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.memory_map import map_file
+from service.formats.text_encoding import decode_line
 
 _BLOCK_BYTES = 1 << 22
 _MAX_LINE_BYTES = 1 << 16
@@ -48,7 +49,7 @@ class Cursor:
     def words(self) -> list[str]:
         """Return the words of the next line that is not blank; none at the end of the file."""
         for _ in range(_MAX_EMPTY_LINES):
-            words = self.line().decode("latin1").split()
+            words = decode_line(self.line()).split()
             if words or self.at >= self.size:
                 return words
         return []

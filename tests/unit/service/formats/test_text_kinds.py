@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,35 @@ READ = {
     "names with a delimiter": ('"a, b";x;y;z', '"P {i}";{x};{y};{z}'),
     "geometry and columns": ("wkt\tfid\tx\ty\tz", "PointZ ({x} {y} {z})\t{i}\t{x}\t{y}\t{z}"),
     "a word and a number": ("", "Point {i} {x} {y} {z} 0 0 1"),
+    "Hungarian": ("Pont;Kelet;Észak;Magasság", "{i};{x};{y};{z}"),
+    "Turkish": ("Nokta No,Doğu,Kuzey,Yükseklik", "{i},{x},{y},{z}"),
+    "Korean": ("번호,X좌표,Y좌표,표고", "{i},{x},{y},{z}"),
+    "letters apart from their accents": (
+        unicodedata.normalize("NFD", "Nr;Ost;Nord;Höhe"),
+        "{i};{x};{y};{z}",
+    ),
+    "kinds of heights": (
+        "Point Id\tEasting\tNorthing\tOrtho. Height\tCode",
+        "P{i}\t{x}\t{y}\t{z}\ta tree",
+    ),
+    "Metashape": (
+        '# CoordinateSystem: LOCAL_CS["m",UNIT["metre",1]]\n#Label,X/East,Y/North,Z/Altitude,X_est',
+        "target {i},{x},{y},{z},7",
+    ),
+    "a message of ROS": (
+        "%time,field.header.frame_id,field.point.x,field.point.y,field.point.z",
+        "{i},base_link,{x},{y},{z}",
+    ),
+    "names of rows by R": ('"id" "X" "Y" "Z"', '"{i}" 7 {x} {y} {z}'),
+    "words as names of rows": ('"id" "X" "Y" "Z"', '"tree {i}" 7 {x} {y} {z}'),
+    "parts of a matrix": ("t,xyz_1,xyz_2,xyz_3,rgb_1,rgb_2,rgb_3", "{i},{x},{y},{z},1,2,3"),
+    "bounds in comments": (
+        "# scale factor x y z: 0.01 0.01 0.01\n# min x y z: -9.5 -9.5 -9.5",
+        "{x} {y} {z} {i} 1 2 3",
+    ),
+    "marks of other comments": ("! made by hand\n! t X Y Z", "{i} {x} {y} {z}"),
+    "units": ('"t";"X/mm";"Y/mm";"Z/mm"', "{i};{x};{y};{z}"),
+    "east, north, up": ("id,E,N,U", "{i},{x},{y},{z}"),
 }
 
 
@@ -49,6 +79,14 @@ REFUSED = {
     "WKT": (("WKT,id", '"POINT Z ({x} {y} {z})",{i}'), "WKT"),
     "poses": (("", "VERTEX_SE3:QUAT {i} {x} {y} {z} 0 0 0 1"), "poses"),
     "Tecplot": (('VARIABLES = "Z","Y","X"\nZONE I=40, F=POINT', "{z} {y} {x}"), "Tecplot"),
+    "degrees beside axes": (
+        ("#Label,X/Longitude,Y/Latitude,Z/Altitude", "p{i},8.{i},47.{i},{z}"),
+        "geographic",
+    ),
+    "labels under other names": (("name,a,b,c", "P{i},{x},{y},{z}"), "called 'name, a, b, c'"),
+    "other names in a comment": (("# t, a, b, c", "{i}.5,{x},{y},{z}"), "called 't, a, b, c'"),
+    "GRASS": (("north: 9\nsouth: 0\neast: 9\nwest: 0\nrows: 40", "{x} {y} {z} 1"), "GRASS"),
+    "Fortran": (("x,y,z", "{x}D+00,{y}D+00,{z}D+00"), "Fortran"),
     "TetGen": (("40 3 0 0", "{i} {x} {y} {z}"), "TetGen"),
 }
 
@@ -84,6 +122,41 @@ def test_blanks_in_the_labels_of_later_rows(tmp_path: Path) -> None:
     )
     with pytest.raises(CloudFileError, match="line 41: more than 4 fields"):
         read_points(write_file(tmp_path, plain + table("", "P {i} {x} {y} {z}")))
+
+
+@pytest.mark.parametrize("word", ["#N/A", "#WERT!", "#DIV/0!"])
+@pytest.mark.parametrize("row", ["{0};{0};{0};1", "1;{0};3;1"])
+def test_errors_of_spreadsheets_are_nan(tmp_path: Path, word: str, row: str) -> None:
+    content = table("x;y;z;i", "{x};{y};{z};{i}") + row.format(word).encode() + b"\n# end\n"
+    cloud = read_points(write_file(tmp_path, content), attributes=True)
+    np.testing.assert_allclose(cloud.points[:40], POINTS, rtol=0, atol=6e-4)
+    assert len(cloud.points) == len(cloud.attributes["i"]) == 41
+    assert np.isnan(cloud.points[40]).any()
+
+
+def test_names_in_utf8_or_latin1(tmp_path: Path) -> None:
+    text = table("x;y;z;Größe à;E", "{x};{y};{z};{i};0").decode()
+    ply = (
+        "ply\nformat ascii 1.0\nelement vertex 40\n"
+        + "".join(f"property float {name}\n" for name in ("x", "y", "z", "Größe", "E"))
+        + "end_header\n"
+        + table("", "{x} {y} {z} {i} 0").decode()
+    )
+    pcd = (
+        "FIELDS x y z Größe E\nSIZE 4 4 4 4 4\nTYPE F F F F F\nWIDTH 40\nHEIGHT 1\nDATA ascii\n"
+        + table("", "{x} {y} {z} {i} 0").decode()
+    )
+    for content, name in ((text, "Größe à"), (ply, "Größe"), (pcd, "Größe")):
+        for encoding in ("utf8", "latin1"):
+            path = write_file(tmp_path, content.encode(encoding))
+            cloud = read_points(path, attributes=True)
+            np.testing.assert_array_equal(cloud.attributes[name], np.arange(40) + 1)
+
+
+def test_letters_that_hold_the_byte_of_a_blank(tmp_path: Path) -> None:
+    """À is C3 80 in UTF-8, Å C3 85 and à C3 A0: the latter two are blanks in Latin-1."""
+    cloud = read_points(write_file(tmp_path, table("", "ÅÀà{i} {x} {y} {z}")))
+    np.testing.assert_allclose(cloud.points, POINTS, rtol=0, atol=6e-4)
 
 
 def test_lists_at_the_end_of_rows_may_differ_in_length(tmp_path: Path) -> None:

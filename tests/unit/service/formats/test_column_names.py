@@ -1,0 +1,60 @@
+"""The columns of coordinates are found by their names, in any order and writing."""
+
+from __future__ import annotations
+
+import pytest
+
+from service.formats.column_names import are_geographic, find_xyz
+
+PATTERNS = (
+    *("{a}", "{A}", " {A} [m]", "{a}(mm)", "{a}/m", "{a} in mm", "{a}_(m)", "{a} {{m}}", "{a}<m>"),
+    *("{A}-mm", "{A}mm", "{a}_meters", "{A} (US survey feet)", '"{A}"', "`{A}`", "'{a}'"),
+    *("Pos{A}", "Point{A}", "coord{A}", "Position {A}", "{A}_Coordinate", "{a}val", "p_{a}"),
+    *("p[{a}]", "Position[{A}] (m)", "pointcloud.{a}", "/scan/{a}", "Center {A}", "{a}_ecef"),
+    *("{A}-Wert", "Koordinate {A}", "{a}_lidar", "Measured {A}", "coords{A}"),
+)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_names_of_axes(pattern: str) -> None:
+    x, y, z = (pattern.format(a=axis, A=axis.upper()) for axis in "xyz")
+    assert find_xyz([x, y, z, "i"]) == (0, 1, 2)
+    assert find_xyz(["id", z, "i", x, y]) == (3, 4, 1)
+    assert find_xyz([x, y, "i"]) is None
+    assert find_xyz([x, y, z, x]) is None
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("points:0", "points:1", "points:2"),
+        ("xyz_1", "xyz_2", "xyz_3"),
+        ("Location[0]", "Location[1]", "Location[2]"),
+        ("E", "N", "U"),
+        ("UTM Easting", "UTM Northing", "Ellipsoidal Height"),
+    ],
+)
+def test_names_of_other_systems(names: tuple[str, ...]) -> None:
+    assert find_xyz(["i", *names]) == (1, 2, 3)
+
+
+def test_words_that_contradict_the_letters() -> None:
+    assert find_xyz(["Y/Easting", "X/Northing", "H"]) is None
+
+
+@pytest.mark.parametrize("pattern", ["acc.{a}", "n{a}", "{a}_std", "rot_{a}", "axis{A}", "v{a}"])
+def test_other_vectors_are_no_places(pattern: str) -> None:
+    names = [pattern.format(a=axis, A=axis.upper()) for axis in "xyz"]
+    assert find_xyz(names) is None
+    assert find_xyz([*names, "x", "y", "z"]) == (3, 4, 5)
+
+
+def test_estimates_beside_the_coordinates() -> None:
+    names = ["Label", "X/Easting", "Y/Northing", "Z/Altitude", "X_est", "Y_est", "Z_est"]
+    assert find_xyz(names) == (1, 2, 3)
+
+
+@pytest.mark.parametrize("names", ["lat lon alt", "X/Longitude Y/Latitude", "Lat(deg) Lng(deg) h"])
+def test_degrees(names: str) -> None:
+    assert are_geographic(names.split())
+    assert not are_geographic(["lateral", "longitudinal", "z"])
