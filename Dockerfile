@@ -9,12 +9,13 @@ RUN python -m venv /opt/tools \
        do sed -n "/^$name==/,/[^\\\\]\$/p" /build/requirements-dev.lock; done > /build/tools.lock \
     && /opt/tools/bin/pip install --quiet --no-deps --require-hashes -r /build/tools.lock
 COPY web /build/web
-COPY tools/build_page.py tools/build_site.py /build/tools/
-RUN /opt/tools/bin/python /build/tools/build_page.py
+COPY tools/build_page.py tools/build_site.py tools/diagrams.py tools/node.py /build/tools/
+WORKDIR /build
+RUN /opt/tools/bin/python -m tools.build_page
 COPY zensical.toml CONTRIBUTING.md SECURITY.md CHANGELOG.md /build/
 COPY mpe_client/README.md /build/mpe_client/
 COPY docs /build/docs
-RUN /opt/tools/bin/python /build/tools/build_site.py
+RUN /opt/tools/bin/python -m tools.build_site
 
 FROM python:3.11-slim-bookworm AS build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1

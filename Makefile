@@ -18,15 +18,18 @@ help:  ## list the targets
 setup: .venv/.installed  ## make .venv, install everything from the lock file, build page and site
 	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels page site
 
+web/node_modules/.package-lock.json: .venv/.installed web/package-lock.json
+	$(PY) -m tools.build_page --packages
+
 page: service/api/static/page/index.html  ## build the page of the service from web/
 
-service/api/static/page/index.html: .venv/.installed tools/build_page.py $(filter-out web/node_modules,$(wildcard web/* web/src/*))
+service/api/static/page/index.html: web/node_modules/.package-lock.json tools/build_page.py tools/node.py $(filter-out web/node_modules,$(wildcard web/* web/src/*))
 	$(PY) -m tools.build_page
 	@touch $@
 
 site: service/api/static/docs/index.html  ## build the site of the documents, warnings as errors
 
-service/api/static/docs/index.html: .venv/.installed tools/build_site.py zensical.toml $(wildcard *.md docs/*.md docs/*/*) mpe_client/README.md
+service/api/static/docs/index.html: web/node_modules/.package-lock.json $(addprefix tools/,build_site.py diagrams.py node.py) web/diagrams.mjs zensical.toml $(wildcard *.md docs/*.md docs/*/*) mpe_client/README.md
 	$(PY) -m tools.build_site
 	@touch $@
 

@@ -13,6 +13,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tools.diagrams import draw_diagrams
+from tools.node import install_packages
+
 PROJECT = Path(__file__).parent.parent
 STAGE = PROJECT / "build" / "site"
 OUTPUT = PROJECT / "service" / "api" / "static" / "docs"
@@ -36,13 +39,15 @@ _SHEET = (
 
 def main() -> int:
     """Stage the pages, build them with warnings as errors, and put the result in its place."""
+    install_packages()
     shutil.rmtree(STAGE, ignore_errors=True)
     places = find_pages()
     for origin, place in places.items():
         path = STAGE / "docs" / place
         path.parent.mkdir(parents=True, exist_ok=True)
         if origin.endswith(".md"):
-            path.write_text(move_links((PROJECT / origin).read_text(), origin, places))
+            text = move_links((PROJECT / origin).read_text(), origin, places)
+            path.write_text(draw_diagrams(text, path.parent))
         else:
             shutil.copyfile(PROJECT / origin, path)
     shutil.copyfile(PROJECT / "zensical.toml", STAGE / "zensical.toml")
@@ -68,10 +73,7 @@ def find_pages() -> dict[str, str]:
 
 
 def move_links(text: str, origin: str, places: dict[str, str]) -> str:
-    """Point the links of a page to places in the site; of files outside of it only the text stays.
-
-    Diagrams stay as text: what draws them comes from another host.
-    """
+    """Point the links of a page to places in the site; of a file outside only the text stays."""
     here = Path(places[origin]).parent
 
     def move(link: re.Match[str]) -> str:
@@ -81,7 +83,7 @@ def move_links(text: str, origin: str, places: dict[str, str]) -> str:
             return words
         return f"[{words}]({os.path.relpath(places[file], here)}{anchor})"
 
-    return _LINK.sub(move, text).replace("```mermaid", "```text")
+    return _LINK.sub(move, text)
 
 
 def move_scripts(site: Path) -> None:

@@ -298,6 +298,11 @@ def test_the_documents_are_there_without_another_host(browser: Browser, server: 
         expect(page.locator("h1").first).to_contain_text("mpe")
         page.get_by_role("link", name="API reference").click()
         expect(page.locator("h3", has_text="Align a source cloud")).to_be_visible()
+        page.goto(f"{server.url}/docs/architecture.html")
+        diagrams = page.get_by_role("img", name="Diagram")
+        assert diagrams.count() == 3
+        for diagram in diagrams.all():
+            assert diagram.evaluate("image => image.decode().then(() => image.naturalWidth)") > 300
     policy = server.client.get("/docs/").headers["Content-Security-Policy"]
     assert "unsafe" not in policy
     assert server.client.get("/docs").headers["Location"] == "docs/"

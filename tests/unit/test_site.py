@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from tools.build_site import find_pages, move_links, move_scripts, move_style
+from tools.diagrams import draw_diagrams
 
 PROJECT = Path(__file__).parent.parent.parent
 PLACES = find_pages()
@@ -53,6 +54,22 @@ def test_the_navigation_has_every_page() -> None:
 )
 def test_links_lead_to_places_in_the_site(origin: str, link: str, moved: str) -> None:
     assert move_links(link, origin, PLACES) == moved
+
+
+def test_diagrams_become_pictures_without_another_host(tmp_path: Path) -> None:
+    if not (PROJECT / "web" / "node_modules").is_dir():
+        pytest.skip("the packages of the page are not installed: `make page` does that")
+    page = "## Boxes\n\n```mermaid\nflowchart LR\n    A[one] --> B[two]\n```\n\nText.\n"
+    drawn = draw_diagrams(page, tmp_path)
+    (picture,) = tmp_path.glob("*.svg")
+    link = f"[![Diagram: Boxes]({picture.name})]({picture.name})"
+    assert drawn == f"## Boxes\n\n{link}\n\nText.\n"
+    svg = picture.read_text()
+    assert ">one<" in svg
+    assert "http" not in svg.replace("http://www.w3.org/2000/svg", "")
+    with pytest.raises(SystemExit, match="has failed"):
+        draw_diagrams(page.replace("flowchart LR", "gitGraph"), tmp_path)
+    assert draw_diagrams("Text.", tmp_path) == "Text."
 
 
 def test_scripts_become_files_and_the_style_a_sheet(tmp_path: Path) -> None:
