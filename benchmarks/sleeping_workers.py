@@ -31,7 +31,7 @@ from tests.factories.jobs import OUTCOME, new_job, open_transitions
 TENANTS = 10
 CLOUD_BYTES, RESULT_BYTES, INLIERS_BYTES = 7_300, 2_000, 7_300
 """Lengths of the files of a registration of 300 points."""
-LEASE_S = 15.0
+LEASE_S = 10.0
 STAGES = ("decode", "prepare", "search", "refine", "inliers")
 THREADS_PER_PROCESS = 16
 """Sleeping workers of one process: more would wait for each other's interpreter."""

@@ -301,9 +301,9 @@ class Settings(BaseSettings):
     """
     queue_limit: PositiveInt = 1000
     """Maximum number of registrations that wait; more are answered 429."""
-    lease_s: PositiveFloat = 15
+    lease_s: PositiveFloat = 10
     """Time after which the registrations of a service that no longer answers are run again by
-    others, in seconds; a service that lives says so three times as often.
+    others, in seconds; a service that lives says so five times as often.
     """
     job_timeout_s: PositiveFloat = 600
     """Time limit of one attempt at a registration, in seconds; it is killed then."""

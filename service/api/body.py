@@ -29,6 +29,8 @@ MAX_BOUNDARY_BYTES = 70
 STEP_BYTES = 2048
 MAX_STEP_S = 0.001
 """A form is parsed in steps; after so many seconds other requests get their turn."""
+WRITE_BYTES = 1 << 16
+"""Bytes of files that are held until a thread hashes and writes them."""
 
 FormFields = dict[str, Blob | str]
 T = TypeVar("T")
@@ -68,10 +70,40 @@ async def read_text(request: Request) -> bytes:
 
 async def store_body(request: Request, blobs: BlobStore, max_bytes: int) -> Blob:
     """Store the body as a blob."""
+    held = _HeldBytes()
     with blobs.writer() as writer:
         async for chunk in iter_body(request, max_bytes):
-            writer.write(chunk)
-        return await STORING.run(writer.commit)
+            held.add(writer, chunk)
+            await held.write_where_long()
+
+        def commit() -> Blob:
+            held.write()
+            return writer.commit()
+
+        return await STORING.run(commit)
+
+
+class _HeldBytes:
+    """Bytes that wait to be written: a disk may be slow, so a thread does it, not the loop."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[BlobWriter, bytearray]] = []
+        self._size = 0
+
+    def add(self, writer: BlobWriter, data: bytes) -> None:
+        if not self._parts or self._parts[-1][0] is not writer:
+            self._parts.append((writer, bytearray()))
+        self._parts[-1][1].extend(data)
+        self._size += len(data)
+
+    def write(self) -> None:
+        for writer, data in self._parts:
+            writer.write(data)
+        self._parts, self._size = [], 0
+
+    async def write_where_long(self) -> None:
+        if self._size >= WRITE_BYTES:
+            await STORING.run(self.write)
 
 
 async def read_multipart(
@@ -102,6 +134,7 @@ async def read_multipart(
     with _MultipartForm(parameters.get(b"boundary", b""), blobs) as form:
         async for chunk in iter_body(request, max_bytes):
             await _feed_in_steps(form, chunk)
+            await form.held.write_where_long()
         return await STORING.run(lambda: parse(form.commit()))
 
 
@@ -116,7 +149,7 @@ async def _feed_in_steps(form: _MultipartForm, chunk: bytes) -> None:
 
 
 class _MultipartForm:
-    """Receiver of the parser's callbacks; writes each file to the blob store while it arrives."""
+    """Receiver of the parser's callbacks; holds what is to be written to the blob store."""
 
     def __init__(self, boundary: bytes, blobs: BlobStore) -> None:
         if not 1 <= len(boundary) <= MAX_BOUNDARY_BYTES:
@@ -124,6 +157,7 @@ class _MultipartForm:
                 "The content type multipart/form-data must name a boundary of 1 to "
                 f"{MAX_BOUNDARY_BYTES} characters."
             )
+        self.held = _HeldBytes()
         self._blobs = blobs
         self._fields: dict[str, BlobWriter | bytearray] = {}
         self._field: BlobWriter | bytearray = bytearray()
@@ -162,6 +196,7 @@ class _MultipartForm:
         """Make the files durable, which waits for the disk, and return all fields."""
         if not self._is_complete:
             raise MalformedBodyError("The multipart body ends before its closing boundary.")
+        self.held.write()
         try:
             return {
                 name: field.commit() if isinstance(field, BlobWriter) else field.decode()
@@ -197,7 +232,7 @@ class _MultipartForm:
 
     def _on_part_data(self, data: bytes, start: int, end: int) -> None:
         if isinstance(self._field, BlobWriter):
-            self._field.write(data[start:end])
+            self.held.add(self._field, data[start:end])
             return
         self._field += data[start:end]
         if len(self._field) > MAX_TEXT_BYTES:

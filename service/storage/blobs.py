@@ -65,7 +65,7 @@ class BlobWriter:
         """The blob that `commit` would make now."""
         return Blob(self._hash.hexdigest(), self._size)
 
-    def write(self, chunk: bytes) -> None:
+    def write(self, chunk: bytes | bytearray) -> None:
         """Append a chunk."""
         self._file.write(chunk)
         self._hash.update(chunk)

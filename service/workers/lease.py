@@ -11,8 +11,8 @@ from service.jobs.model import JobRow
 from service.jobs.transitions import JobTransitions
 from service.problems import NotReadyError
 
-HEARTBEAT_SHARE = 1 / 3
-"""Interval at which a lease is extended, as a share of it: two extensions may fail."""
+HEARTBEAT_SHARE = 1 / 5
+"""Interval at which a lease is extended, as a share of it: four extensions may fail."""
 
 
 @contextmanager

@@ -172,14 +172,18 @@ async def _write_body(
     try:
         async with limit:
             async for chunk in iter_body(request, max_bytes):
-                file.write(chunk)
-                file.flush()  # other requests read the offset from the file's length
+                await STORING.run(partial(_append, file, chunk))
     except MalformedBodyError:
         return  # the connection was lost: keep what has arrived
     except TimeoutError:
         raise UploadConflictError("A later request goes on with this upload.") from None
     finally:
         await STORING.run(lambda: os.fsync(file.fileno()))
+
+
+def _append(file: BinaryIO, chunk: bytes) -> None:
+    file.write(chunk)
+    file.flush()  # other requests read the offset from the file's length
 
 
 def _state(upload: Upload, runtime: Runtime) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from service.api.body import (
     MAX_FORM_FIELDS,
     MAX_TEXT_BYTES,
+    WRITE_BYTES,
     FormFields,
     iter_body,
     read_multipart,
@@ -20,7 +22,7 @@ from service.api.body import (
     store_body,
 )
 from service.problems import BodyTooLargeError, MalformedBodyError
-from service.storage.blobs import Blob, BlobStore
+from service.storage.blobs import Blob, BlobStore, BlobWriter
 from tests.factories.api import FORM_TYPE, form, part, request_of
 
 LIMIT = 10_000
@@ -46,6 +48,32 @@ def test_a_form_is_the_same_however_its_bytes_are_cut(tmp_path: Path, size: int)
     blob = Blob(hashlib.sha256(b"0 1 2\r\n--b").hexdigest(), 10)
     assert fields == {"source": blob, "options": '{"seed": 1}'}
     assert BlobStore(tmp_path).path(blob.sha256).read_bytes() == b"0 1 2\r\n--b"
+
+
+@pytest.mark.parametrize("is_form", [True, False])
+def test_files_are_written_by_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_form: bool
+) -> None:
+    """A disk may be slow: the event loop does not wait for it."""
+    writers: set[int] = set()
+    write = BlobWriter.write
+
+    def noted(writer: BlobWriter, chunk: bytes) -> None:
+        writers.add(threading.get_ident())
+        write(writer, chunk)
+
+    monkeypatch.setattr(BlobWriter, "write", noted)
+    content = bytes(3 * WRITE_BYTES)
+    body = form(part("source", content, filename="a"), part("target", content, filename="b"))
+    request = request_of(split(body if is_form else content, 1000), FORM_TYPE)
+    blobs = BlobStore(tmp_path)
+    if is_form:
+        asyncio.run(read_multipart(request, blobs, 10**6, lambda fields: fields))
+    else:
+        asyncio.run(store_body(request, blobs, 10**6))
+    assert writers
+    assert threading.get_ident() not in writers
+    assert blobs.path(hashlib.sha256(content).hexdigest()).read_bytes() == content
 
 
 def test_the_order_of_the_parts_does_not_matter(tmp_path: Path) -> None:

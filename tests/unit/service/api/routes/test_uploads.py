@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import httpx
 import pytest
 
+from service.api.routes import uploads
 from service.runtime import Runtime
 from tests.factories.api import XYZ, on_api
 
@@ -42,6 +44,26 @@ def test_pieces_become_a_cloud(tmp_path: Path) -> None:
         assert (cloud.json()["size"], cloud.json()["format"]) == (len(XYZ), "xyz")
         assert (await client.delete(url, headers=TUS)).status_code == 204
         assert (await client.get(url.replace("uploads", "clouds"))).status_code == 200
+
+    on_api(tmp_path, use)
+
+
+def test_pieces_are_written_by_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk may be slow: the event loop does not wait for it."""
+    writers: set[int] = set()
+    append = uploads._append
+
+    def noted(file: BinaryIO, chunk: bytes) -> None:
+        writers.add(threading.get_ident())
+        append(file, chunk)
+
+    monkeypatch.setattr(uploads, "_append", noted)
+
+    async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
+        url = await begin(client, len(XYZ))
+        assert (await send(client, url, 0, XYZ)).status_code == 204
+        assert writers
+        assert threading.get_ident() not in writers
 
     on_api(tmp_path, use)
 
