@@ -18,9 +18,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
 from service.connections.refusal import refusal
+from service.connections.strict_connection import StrictConnection
 
-MAX_HEAD_BYTES = 16 * 1024
-"""Longest request line and headers, in bytes."""
 MAX_STEP_S, MIN_STEP_S = 0.002, 0.0005
 """Bounds of the time that one step of parsing should take; steps are halved or doubled."""
 MIN_STEP_BYTES, MAX_STEP_BYTES = 256, 64 * 1024
@@ -44,34 +43,6 @@ class GuardedConfig(uvicorn.Config):
     def __init__(self, app: Any, *, timeouts: Timeouts, **options: Any) -> None:
         super().__init__(app, http=GuardedProtocol, ws="none", **options)
         self.timeouts = timeouts
-
-
-class StrictConnection(h11.Connection):
-    """An h11 connection that refuses requests whose length two programs could read differently."""
-
-    def __init__(self) -> None:
-        super().__init__(h11.SERVER, MAX_HEAD_BYTES)
-        self.refused_status = 400
-
-    def next_event(self) -> Any:
-        """Parse the next event.
-
-        Raises
-        ------
-        h11.RemoteProtocolError
-            The bytes are not HTTP/1.1, or Content-Length comes beside Transfer-Encoding
-            (RFC 9112, 6.1).
-        """
-        try:
-            event = super().next_event()
-        except h11.RemoteProtocolError as error:
-            self.refused_status = error.error_status_hint
-            raise
-        if isinstance(event, h11.Request):
-            names = {name for name, _ in event.headers}
-            if {b"content-length", b"transfer-encoding"} <= names:
-                raise h11.RemoteProtocolError("Content-Length beside Transfer-Encoding")
-        return event
 
 
 class Phase(enum.Enum):

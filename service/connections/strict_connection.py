@@ -1,0 +1,65 @@
+"""Heads of requests that two programs could read differently are refused, or made plain."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import h11
+
+MAX_HEAD_BYTES = 16 * 1024
+"""Longest request line and headers, in bytes."""
+_FOLD = re.compile(rb"\n[ \t]")
+_ABSOLUTE = re.compile(rb"https?://([^/?#]*)(.*)", re.IGNORECASE | re.DOTALL)
+
+
+class StrictConnection(h11.Connection):
+    """An h11 connection that refuses requests whose length two programs could read differently."""
+
+    def __init__(self) -> None:
+        super().__init__(h11.SERVER, MAX_HEAD_BYTES)
+        self.refused_status = 400
+
+    def next_event(self) -> Any:
+        """Parse the next event.
+
+        Raises
+        ------
+        h11.RemoteProtocolError
+            The bytes are not HTTP/1.1, Content-Length comes beside Transfer-Encoding (RFC 9112,
+            6.1), or a header goes on in the next line (5.2).
+        """
+        before = self.trailing_data[0] if self.their_state is h11.IDLE else b""
+        try:
+            event = super().next_event()
+        except h11.RemoteProtocolError as error:
+            self.refused_status = error.error_status_hint
+            raise
+        if not isinstance(event, h11.Request):
+            return event
+        head = before[: len(before) - len(self.trailing_data[0])]
+        _check_head(event, head)
+        return _in_origin_form(event)
+
+
+def _check_head(request: h11.Request, head: bytes) -> None:
+    names = {name for name, _ in request.headers}
+    if {b"content-length", b"transfer-encoding"} <= names:
+        raise h11.RemoteProtocolError("Content-Length beside Transfer-Encoding")
+    if _FOLD.search(head):
+        raise h11.RemoteProtocolError("a header goes on in the next line")
+
+
+def _in_origin_form(request: h11.Request) -> h11.Request:
+    """Return the request with a target that is a path; a URL names the host, too (3.2.2)."""
+    url = _ABSOLUTE.fullmatch(request.target)
+    if url is None:
+        return request
+    host, rest = url.groups()
+    others = [(name, value) for name, value in request.headers if name != b"host"]
+    return h11.Request(
+        method=request.method,
+        target=rest if rest.startswith(b"/") else b"/" + rest,
+        headers=[(b"host", host), *others],
+        http_version=request.http_version,
+    )
