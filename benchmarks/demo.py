@@ -48,7 +48,7 @@ def main() -> int:
     if given.source:
         source, target, truth = given.source, given.target, None
     else:
-        source, target, truth = _scanned_blade()
+        source, target, truth = scan_blade()
     with nullcontext(given.url) if given.url else _service() as url:
         job = _post(url, source, target)
     if job is None or job.get("result") is None:
@@ -63,7 +63,7 @@ def main() -> int:
     return 0
 
 
-def _scanned_blade() -> tuple[Path, Path, Array]:
+def scan_blade() -> tuple[Path, Path, Array]:
     """Write two scans, each in its scanner's frame; return both paths and T_target_source."""
     paths = FOLDER / "source.ply", FOLDER / "target.ply"
     poses = []

@@ -78,6 +78,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    for report in terminalreporter.getreports("passed"):
+        for name, value in report.user_properties:
+            terminalreporter.line(f"{report.nodeid}: {name}: {value}")
     if find_programs() is None:
         terminalreporter.section("POSTGRESQL ABSENT", sep="!", red=True)
         terminalreporter.line(f"Nothing was tested on it: {NO_POSTGRES}.")

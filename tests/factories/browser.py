@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import shutil
+from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,17 +49,20 @@ def opened(
     width: int = 1280,
     dark: bool = False,
     lets_scripts_in: bool = False,
+    moves: bool = False,
     expected: tuple[str, ...] = (),
 ) -> Iterator[Page]:
     """A page of the service in a tab of its own; it must log no error but the expected ones.
 
-    `lets_scripts_in` suspends the Content-Security-Policy, for axe-core.
+    `lets_scripts_in` suspends the Content-Security-Policy, for axe-core. Poses are blended where
+    the page `moves`; a software renderer takes seconds for that.
     """
     complaints: list[str] = []
     context = browser.new_context(
         viewport={"width": width, "height": 844 if width < 500 else 900},
         color_scheme="dark" if dark else "light",
         bypass_csp=lets_scripts_in,
+        reduced_motion="no-preference" if moves else "reduce",
     )
     page = context.new_page()
     page.set_default_timeout(WAIT_S * 1000)
@@ -86,6 +90,22 @@ def choose_files(page: Page, folder: Path, source: bytes, target: bytes, ending:
         page.set_input_files(f"#{role}-file", path)
 
 
+def drop_files(page: Page, place: str, *paths: Path) -> None:
+    """Drop files there at once, as from a window of files."""
+    files = [(path.name, b64encode(path.read_bytes()).decode()) for path in paths]
+    page.locator(place).evaluate(
+        """(place, files) => {
+            const dataTransfer = new DataTransfer();
+            for (const [name, text] of files) {
+                const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+                dataTransfer.items.add(new File([bytes], name));
+            }
+            place.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true }));
+        }""",
+        files,
+    )
+
+
 def align(page: Page) -> None:
     page.get_by_role("button", name="Align").click()
 
@@ -102,6 +122,18 @@ def wait_for_frame(page: Page, act: Callable[[], object]) -> NDArray[np.uint8]:
     drawn = stage.get_attribute("data-frames")
     act()
     expect(stage).not_to_have_attribute("data-frames", str(drawn))
+    return pixels(stage.locator("canvas"))
+
+
+def count_frames(page: Page) -> int:
+    """How often the view was drawn."""
+    return int(page.locator(".stage3d").get_attribute("data-frames") or 0)
+
+
+def pixels_at_rest(page: Page) -> NDArray[np.uint8]:
+    """What the canvas shows once all points are drawn, which a slow renderer leaves for later."""
+    stage = page.locator(".stage3d")
+    expect(stage).to_have_attribute("data-drawn", "all")
     return pixels(stage.locator("canvas"))
 
 

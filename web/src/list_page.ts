@@ -71,7 +71,12 @@ export async function openList(place: HTMLElement, signal: AbortSignal): Promise
       "section",
       { className: "card registrations" },
       h("h1", {}, "Registrations"),
-      h("div", { className: "row filters" }, h("label", { htmlFor: "search" }, "Search"), search, h("label", { htmlFor: "state" }, "State"), state),
+      h(
+        "div",
+        { className: "row filters" },
+        h("div", { className: "group" }, h("label", { htmlFor: "search" }, "Search"), search),
+        h("div", { className: "group" }, h("label", { htmlFor: "state" }, "State"), state),
+      ),
       body,
       more,
     ),
@@ -97,7 +102,7 @@ function makeRow(job: JobSummary): HTMLElement {
     {},
     h("td", {}, h("a", { href: `#/registrations/${job.id}` }, `${nameCloud(job, "source")} onto ${nameCloud(job, "target")}`)),
     h("td", {}, h("span", { className: `state ${job.status}` }, job.status)),
-    h("td", {}, job.confidence === null ? "–" : h("span", { className: `confidence ${trust}` }, percent(job.confidence))),
+    h("td", { className: job.confidence === null ? "none" : "" }, job.confidence === null ? "–" : h("span", { className: `confidence ${trust}` }, percent(job.confidence))),
     h("td", {}, new Date(job.created_at).toLocaleString()),
   );
 }

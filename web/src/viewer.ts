@@ -248,10 +248,12 @@ export class Viewer {
   }
 
   private drawNow(quality: number): void {
+    let drawn = 0;
     for (const points of [this.source, this.target]) {
       const { index, attributes } = points.geometry;
-      const count = index?.count ?? attributes.position!.count;
-      points.geometry.setDrawRange(0, Math.ceil(count * quality));
+      const count = Math.ceil((index?.count ?? attributes.position!.count) * quality);
+      points.geometry.setDrawRange(0, count);
+      if (points.visible) drawn += count;
     }
     const { radius, centre } = this.fitted();
     const distance = this.camera.position.distanceTo(centre);
@@ -261,6 +263,7 @@ export class Viewer {
     this.background.setStyle(getComputedStyle(this.place).backgroundColor);
     this.light.render(this.scene, this.marks, this.camera, this.background);
     this.place.dataset.share = String(this.share);
+    this.place.dataset.drawn = quality === 1 ? "all" : String(drawn);
     this.place.dataset.frames = String(++this.frames);
   }
 
