@@ -45,6 +45,9 @@ def upgrade() -> None:
         jobs.add_column(Column("weight", Integer, nullable=False, server_default="7"))
 """
 
+LAST = len(list((STEPS / "versions").glob("v*.py")))
+FIRST_EXPANDED = 5
+"""The step to version 4 made a table anew; those after it leave what earlier services use."""
 CLOUD = {"sha256": "ab", "size": 3_000_000_000, "url": None, "cloud": None, "reading": {}}
 
 
@@ -140,7 +143,7 @@ def test_an_upgraded_store_works(url: str, engine: Engine) -> None:
     database.close()
 
 
-@pytest.mark.parametrize("version", range(1, 1 + len(list((STEPS / "versions").glob("v*.py")))))
+@pytest.mark.parametrize("version", range(1, 1 + LAST))
 def test_a_store_of_each_version_goes_on(url: str, engine: Engine, version: int) -> None:
     """What had ended is there, what ran is run again, what waited waits."""
     with engine.begin() as connection:
@@ -155,6 +158,51 @@ def test_a_store_of_each_version_goes_on(url: str, engine: Engine, version: int)
             assert transitions.succeed(job, OUTCOME, None)
         assert queries.count_by_status()["succeeded"] == 3
         assert [event.number for event in queries.events("default", "runs", after=1)] == [2, 3, 4]
+
+
+def columns_of(connection: Connection) -> dict[str, dict[str, Any]]:
+    found = inspect(connection)
+    return {
+        name: {column["name"]: column for column in found.get_columns(name)}
+        for name in found.get_table_names()
+    }
+
+
+def test_a_step_leaves_what_services_of_the_release_before_use(engine: Engine) -> None:
+    """They go on meanwhile: nothing of theirs is gone, and they need not fill what is new."""
+    with engine.begin() as connection:
+        migrate(connection, to=str(FIRST_EXPANDED - 1))
+        before = columns_of(connection)
+        for version in range(FIRST_EXPANDED, 1 + LAST):
+            migrate(connection, to=str(version))
+            after = columns_of(connection)
+            for table, columns in before.items():
+                for name, column in columns.items():
+                    assert str(after[table][name]["type"]) == str(column["type"]), (table, name)
+                for name in set(after[table]) - set(columns):
+                    new = after[table][name]
+                    assert new["nullable"] or new["default"] is not None, (version, table, name)
+            before = after
+
+
+def test_what_a_service_of_the_release_before_accepts_is_run(url: str, engine: Engine) -> None:
+    earlier = MetaData()
+    with engine.begin() as connection:
+        migrate(connection, to=str(LAST - 1))
+        earlier.reflect(connection)
+    with closing(open_database(url)) as database:
+        job = {"id": "new", "tenant": "t", "source": CLOUD, "target": CLOUD, "options": {}}
+        job |= {"created_at": 1e9, "status": "queued", "stage": "queued", "fraction": 0.0}
+        job |= {"attempt": 0, "lost_attempts": 0, "timing": {}, "warnings": [], "labels": {}}
+        job |= {"priority": 0, "cached": False, "queue": "register"}
+        with engine.begin() as connection:
+            connection.execute(insert(earlier.tables["jobs"]).values(**job))
+            turn = {"tenant": "t", "queue": "register", "turn": 0}
+            connection.execute(insert(earlier.tables["turns"]).values(**turn))
+        transitions = open_transitions(database)
+        claimed = claim(transitions)
+        assert claimed.id == "new"
+        assert transitions.succeed(claimed, OUTCOME, None)
 
 
 def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
