@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import Evidence
 from mpe_core.geometry.cell_list import CellList, Points
-from mpe_core.geometry.rigid import apply, inverse
+from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
 from mpe_core.geometry.sampling import take_every
 from mpe_core.refine.regime import Regime
 
@@ -69,11 +69,25 @@ class Completeness:
     def find_only(self, poses: Sequence[Array], evidence: Sequence[Evidence]) -> int | None:
         """Row of the one of different poses (4, 4) that explains all; None if it is not one."""
         may_explain = [each.on_surface_fraction >= MIN_ON_SURFACE for each in evidence]
-        if sum(may_explain) < 2:
-            return None  # no pose is near it
+        least = 2 if any(each.convinces for each in evidence) else 1
+        if sum(may_explain) < least or len(poses) < 2:
+            return None  # no pose is near it, and the best convinces; or none may explain all
         left = np.array(
             [self.share_left(T) if may else 1.0 for T, may in zip(poses, may_explain, strict=True)]
         )
         best = int(np.argmin(left))
         others = np.delete(left, best)
-        return best if left[best] <= MAX_LEFT and others.min() >= MIN_LEFT else None
+        if left[best] > MAX_LEFT or others.min() < MIN_LEFT:
+            return None
+        return None if sum(may_explain) < 2 and self._has_twin(poses[best]) else best
+
+    def _has_twin(self, T: Array) -> bool:
+        """Whether a quarter or half turn about an axis of the source explains as much as T."""
+        points = self._subsets[0].astype(np.float64)
+        centre = points.mean(axis=0)
+        _, axes = np.linalg.eigh(np.cov((points - centre).T))
+        turns = (axis_rotation(axis, k * np.pi / 2) for axis in axes.T for k in (1, 2, 3))
+        return any(
+            self.share_left(T @ pose(R, centre - np.einsum("ij,j->i", R, centre))) < MIN_LEFT
+            for R in turns
+        )

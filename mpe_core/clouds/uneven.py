@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 MIN_RATIO = 3.0
 """Distance of the farthest point over the radius from which on the points beyond are looked at."""
 
+SPOT_SHARE, SPOT_SIZE = 0.9, 0.1
+"""Share of the points, and the distance within which they lie over that of the farthest, that make
+a dense spot: the radius may then be anything, and is not compared with."""
+
 MIN_OUTER_POINTS, OUTER_SUBSET = 100, 600
 """Points beyond the radius that can show a surface, and how many of them are looked at."""
 
@@ -38,9 +42,11 @@ def even_out(points: Array, centre: Array, radius: float) -> tuple[Array, float]
         Those by the number of points; returned as they are for all other clouds.
     """
     distance = np.sqrt(np.square(points - centre).sum(axis=1))
-    if distance.max() <= MIN_RATIO * radius:
+    spot = float(np.quantile(distance, SPOT_SHARE))
+    has_spot = spot < SPOT_SIZE * distance.max()
+    if distance.max() <= MIN_RATIO * radius and not has_spot:
         return centre, radius
-    outer = points[distance > 1.5 * radius]
+    outer = points[distance > (2 * spot if has_spot else 1.5 * radius)]
     if len(outer) < MIN_OUTER_POINTS or not _is_surface(outer):
         return centre, radius
     low, extent = points.min(axis=0), float(np.ptp(points, axis=0).max())
@@ -48,7 +54,8 @@ def even_out(points: Array, centre: Array, radius: float) -> tuple[Array, float]
     places = (cells + 0.5) * (extent / CELLS_PER_LENGTH) + low
     middle = places.mean(axis=0)
     reach = float(np.quantile(np.sqrt(np.square(places - middle).sum(axis=1)), CELL_QUANTILE))
-    return (middle, reach) if reach > MIN_RATIO * radius else (centre, radius)
+    least = radius if spot < SPOT_SIZE * reach else MIN_RATIO * radius
+    return (middle, reach) if reach > least else (centre, radius)
 
 
 def _is_surface(points: Array) -> bool:

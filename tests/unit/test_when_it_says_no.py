@@ -27,6 +27,7 @@ EXAMPLES = {
 
 def test_there_is_an_entry_for_each_code() -> None:
     assert tuple(ENTRIES) == WARNING_CODES
+    assert tuple(EXAMPLES) == WARNING_CODES, "each entry has an example"
 
 
 @pytest.mark.parametrize("code", EXAMPLES)

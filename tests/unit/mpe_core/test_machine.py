@@ -1,9 +1,13 @@
 """Cores and memory are those of the control groups, of either version."""
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
+import mpe_core.machine
 from mpe_core.machine import available_cores, count_oom_kills, memory_left, memory_limit
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -95,3 +99,51 @@ def test_version_1_writes_a_huge_number_for_no_limit(tmp_path):
 def test_without_groups_that_count_the_machine_does(tmp_path):
     root = tree(tmp_path, {"proc/vmstat": "nr_free_pages 5\noom_kill 7\n"})
     assert count_oom_kills(root) == 7
+
+
+MOUNT = Path("/sys/fs/cgroup")
+ONE_CORE, MEMORY = "100000", 256 << 20
+LIMITS = (
+    {"": {"cpu.max": f"{ONE_CORE} {ONE_CORE}", "memory.max": str(MEMORY)}}
+    if (MOUNT / "cgroup.controllers").exists()
+    else {
+        "cpu": {"cpu.cfs_period_us": ONE_CORE, "cpu.cfs_quota_us": ONE_CORE},
+        "memory": {"memory.limit_in_bytes": str(MEMORY)},
+    }
+)
+LOOK = """
+import importlib.util, sys
+spec = importlib.util.spec_from_file_location("machine", sys.argv[1])
+machine = sys.modules["machine"] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(machine)
+print(machine.available_cores(), machine.memory_limit(), machine.count_oom_kills(), flush=True)
+b"1" * (int(sys.argv[2]) << 20)
+"""
+
+
+@pytest.fixture
+def groups():
+    """Real control groups of one core and 256 MiB; skipped loudly where none can be made."""
+    folders = [MOUNT / controller / f"mpe-test-{os.getpid()}" for controller in LIMITS]
+    try:
+        for folder, files in zip(folders, LIMITS.values(), strict=True):
+            folder.mkdir()
+            for name, text in files.items():
+                (folder / name).write_text(text)
+        yield folders
+    except OSError as error:
+        pytest.skip(f"no control groups can be made here, so real ones are not tested: {error}")
+    finally:
+        for folder in folders:
+            if folder.is_dir():
+                folder.rmdir()
+
+
+def test_the_limits_of_real_control_groups_hold(groups):
+    enter = "".join(f"echo $$ > {folder}/cgroup.procs; " for folder in groups)
+    look = f"'{sys.executable}' -c '{LOOK}' '{Path(mpe_core.machine.__file__)}'"
+    script = f"{enter} {look} 0; {look} 600; {look} 0"
+    done = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False)
+    lines = [list(map(int, line.split())) for line in done.stdout.splitlines()]
+    assert lines[0] == [1, MEMORY, 0], done.stderr
+    assert lines[2] == [1, MEMORY, 1], "the process that took too much was ended by the kernel"

@@ -35,6 +35,14 @@ def test_a_dense_spot_does_not_count(seed):
     assert 0.3 * true < reach < true
 
 
+def test_the_unit_of_length_does_not_depend_on_the_share_in_the_spot():
+    found = []
+    for share in (0.92, 0.95, 0.97, 0.975, 0.985):
+        rng = np.random.default_rng(5)
+        found.append(measured(with_dense_spot(knot(1500, rng), rng, share))[3])
+    assert np.ptp(found) < 0.15 * np.mean(found)
+
+
 def test_even_clouds_and_stray_points_are_left_alone():
     rng = np.random.default_rng(0)
     stray = np.vstack([knot(20_000, rng), rng.uniform(-8, 8, (300, 3))])
