@@ -69,6 +69,7 @@ class ClusterChaos:
     jobs: int
     kills: int
     seed: int
+    cut_points: int
     keys: list[str] = field(default_factory=list)
     accepted: dict[str, Wanted] = field(default_factory=dict)
 
@@ -187,7 +188,7 @@ class ClusterChaos:
         however busy the machine is; the network comes back after that.
         """
         first, *others = self.cluster.workers
-        cloud = as_npy(arms(self.seed + 1, CUT_POINTS))
+        cloud = as_npy(arms(self.seed + 1, self.cut_points))
         headers = self._auth(0)
         with ExitStack() as first_waits:
             with ExitStack() as others_wait:
@@ -271,6 +272,7 @@ def run(
     clients: int = 16,
     apis: int = 2,
     workers: int = 3,
+    cut_points: int = CUT_POINTS,
     **settings: object,
 ) -> dict[str, Any]:
     settings = SETTINGS | settings
@@ -280,7 +282,8 @@ def run(
     ):
         database = open_database(cluster.database_url)
         try:
-            return ClusterChaos(cluster, database, receiver, jobs, kills, seed).run(clients)
+            chaos = ClusterChaos(cluster, database, receiver, jobs, kills, seed, cut_points)
+            return chaos.run(clients)
         except (AssertionError, httpx.HTTPError) as error:
             error.add_note(without_requests(cluster.log)[-20_000:])
             raise
