@@ -21,8 +21,8 @@ from tests.factories.clouds import random_rotation
 
 KINDS: dict[str, Maker] = VALUES | FEW | PARTS | SCALE | COLORS
 SEEDS = 20
-BUDGET = 25.0
-"""Seconds of processor time after which a kind starts no other seed: all kinds take twelve minutes
+BUDGET = 20.0
+"""Seconds of processor time after which a kind starts no other seed: all kinds take eight minutes
 at most on a quiet machine, and other work on it changes no figure."""
 
 MAX_OFF = 0.05

@@ -146,6 +146,11 @@ def _is_esri_grid(head: bytes) -> bool:
     return lines[0].split()[:1] == [b"ncols"] and any(b"nrows" in line for line in lines[1:2])
 
 
+def _is_arff(head: bytes) -> bool:
+    lines = head[:2000].lower().split(b"\n")
+    return any(line.startswith(b"@relation") for line in lines[:20])
+
+
 def _is_grass_grid(head: bytes) -> bool:
     lines = head[:400].lower().split(b"\n")
     return lines[0].startswith(b"north:") and any(line.startswith(b"rows:") for line in lines)
@@ -233,6 +238,7 @@ def _is_matlab_text(head: bytes) -> bool:
 _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (_is_riegl, "a RIEGL scan, which is not read: export it as LAS or E57"),
     (_is_esri_grid, "an ESRI ASCII grid, which is not read: convert it to lines of x y z"),
+    (_is_arff, "ARFF of Weka, which is not read: save the table as CSV with a line of names"),
     (_is_grass_grid, "a GRASS ASCII grid, which is not read: convert it to lines of x y z"),
     (_is_tar, "a tar archive, which is not read: send one file, as it is, in gzip or in zip"),
     (_is_dxf, "DXF, which is not read: export its points as LAS or its surfaces as STL"),

@@ -22,9 +22,10 @@ MISSING = frozenset(
 _NO_NUMBER = re.compile(r"[+-]?(?:1\.#\w*|nan\(\w*\))")
 """NaN and infinity as the libraries of C write them, with any number of digits."""
 _MAX_MISSING_CHARACTERS = 24
-SHEET_ERROR = r"#(?:N/[AV]|NV|DIV/0!|[A-Z]{3,7}[!?])"
+_SHEET_ERROR = re.compile(r"#(?:N/[AV]|NV|DIV/0!|[A-Z]{3,7}[!?])")
 """Errors of spreadsheets: #N/A, #DIV/0!, #WERT!, #NAME?."""
-_SHEET_ERROR = re.compile(SHEET_ERROR)
+HASH_WORD = rf"{_SHEET_ERROR.pattern}|#[0-9A-Fa-f]{{6}}(?=[ \t]*[,;|])"
+"""Words that begin like a comment and are none: errors of spreadsheets, and colours as #ff8000."""
 
 
 def is_number(field: str) -> bool:

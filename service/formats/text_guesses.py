@@ -14,6 +14,8 @@ from service.formats.numerals import is_number, unquote
 
 SAMPLED_ROWS = 20
 """Rows that are looked at."""
+_AXES, _MIN_LONG_ROW = 3, 13
+"""Rows of a table that is turned, and numbers in each: more than a line of a pose has."""
 _MIN_ROWS = 3
 """Rows that are no coincidence."""
 _UNIT_TOL = 1e-3
@@ -55,6 +57,21 @@ def refuse_rows_and_columns(rows: Rows) -> None:
         raise MalformedFileError(
             "columns 1 and 2 are whole numbers, as the rows and columns of a scan, and columns 3 "
             "to 5 are not; expected a first line that names the columns, as 'row col x y z'"
+        )
+
+
+def refuse_few_long_rows(rows: Rows) -> None:
+    """Refuse up to three rows of many numbers.
+
+    Raises
+    ------
+    MalformedFileError
+        The rows are axes, or all points in one line.
+    """
+    if 0 < len(rows) <= _AXES and all(len(row) >= _MIN_LONG_ROW for row in rows):
+        raise MalformedFileError(
+            f"{len(rows)} rows of {len(rows[0])} numbers; expected a line for each point, with x, "
+            "y and z: transpose the table"
         )
 
 

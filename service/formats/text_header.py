@@ -14,6 +14,13 @@ DELIMITERS = (";", "\t", ",", "|", None)
 COMMENTS = ("#", "//", "%", "!", "*")
 _UNIT = re.compile(r"[ \t]?[\[({<](?![xyzXYZ][\])])[^\[\](){}<>]{0,20}[\])}>]")
 """Unit behind a name, which is none of the words of a header."""
+_LEAD = re.compile(
+    r"(?:fields|columns|format|names|header)\b[ \t]*[:=]?[ \t]+|[a-z][\w ]{3,30}:[ \t]+",
+    re.IGNORECASE,
+)
+"""What stands in a comment before the names: "Format: x y z"."""
+_NUMBERING = re.compile(r"(?<!\w)\d{1,3}[:=](?=[A-Za-z])")
+"""Numbers of the columns before their names: "1:x 2:y 3:z"."""
 _QUOTED = re.compile(r'"[^"]*"')
 
 
@@ -45,12 +52,14 @@ class Header:
     def parse(cls, number: int, line: str) -> Header:
         """Split the line of this number, from 1, by each delimiter."""
         text = _hide_quoted_delimiters(line.lstrip("#/%!* \t"))
+        is_comment = line.startswith(COMMENTS)
+        if is_comment:
+            text = _NUMBERING.sub("", text[lead.end() :] if (lead := _LEAD.match(text)) else text)
         bare = _UNIT.sub("", text)
         listed = next((word for word in text.split() if word.endswith("[]")), None)
         if listed is not None:
             text = text[: text.index(listed) + len(listed)]
             bare = text
-        is_comment = line.startswith(COMMENTS)
         names = {
             delimiter: Names.of(
                 split_fields(text if delimiter else bare, delimiter), may_be_prose=is_comment

@@ -15,6 +15,7 @@ from service.formats.text_guesses import (
     are_labelled,
     counts_rows,
     has_decimal_commas,
+    refuse_few_long_rows,
     refuse_poses,
     refuse_rows_and_columns,
     sample_rows,
@@ -122,6 +123,7 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
             continue
         if not text.startswith(COMMENTS):
             skipped.append(index + 1)
+            count = None  # what is not right before the rows announces something else
         if len(skipped) > _MAX_TEXT_LINES:
             return None
         if is_short:
@@ -232,6 +234,7 @@ def _unnamed_layout(
         )
     refuse_poses(sample)
     refuse_rows_and_columns(sample)
+    refuse_few_long_rows(sample)
     if is_counted:
         warning = f"column 1 counts the rows; columns 2, 3 and 4 of {len(fields)} are read"
         return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))

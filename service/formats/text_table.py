@@ -21,7 +21,7 @@ from service.formats.errors import (
     TruncatedFileError,
 )
 from service.formats.memory_map import map_file
-from service.formats.numerals import SHEET_ERROR, is_missing, is_number, unquote
+from service.formats.numerals import HASH_WORD, is_missing, is_number, unquote
 from service.formats.text_encoding import decode_line, decode_lines
 
 _CHUNK_BYTES = 1 << 20
@@ -29,10 +29,12 @@ _BLOCK_BYTES = 32 << 20
 """Bytes of a block of a file that is read in pieces."""
 MIN_KERNEL_BYTES = 4 << 20
 """Bytes of text from which on the kernel is worth loading; it is ten times as fast."""
-_COMMENT = re.compile(rf"(?<!\.)(?!{SHEET_ERROR})#")
-"""Beginning of a comment, but not the sign in 1.#QNAN, as Windows writes NaN, and in #N/A."""
-_HASH_VALUE = re.compile(rf"\.#|{SHEET_ERROR}".encode())
+_COMMENT = re.compile(rf"(?<!\.)(?!{HASH_WORD})#")
+"""Beginning of a comment; not the sign in 1.#QNAN, as Windows writes NaN, #N/A and colours."""
+_HASH_VALUE = re.compile(rf"\.#|{HASH_WORD}".encode())
 _HASH_VALUE_BYTES = 9
+_END_OF_FILE = "\x1a"
+"""Last character of texts of DOS."""
 
 
 CUT_WARNING = "the last line has no line end: its last number may have been cut"
@@ -342,7 +344,7 @@ class TableCleaner:
                 self.repeated_headers += 1
                 continue
             text = unquote(_COMMENT.split(line, maxsplit=1)[0].strip())
-            if not text:
+            if text in ("", _END_OF_FILE):
                 continue
             if self.dialect.has_counts and text.isdecimal() and len(text) < 19:
                 self.counts.append(int(text))

@@ -61,6 +61,9 @@ READ = {
     ),
     "marks of other comments": ("! made by hand\n! t X Y Z", "{i} {x} {y} {z}"),
     "units": ('"t";"X/mm";"Y/mm";"Z/mm"', "{i};{x};{y};{z}"),
+    "words before the names": ("# scan 7\n# Format: t X Y Z", "{i} {x} {y} {z}"),
+    "numbers before the names": ("# 1:t 2:x 3:y 4:z", "{i} {x} {y} {z}"),
+    "colours as words": ("color,t,x,y,z", "#ff80{i:02},{i},{x},{y},{z}"),
     "east, north, up": ("id,E,N,U", "{i},{x},{y},{z}"),
 }
 
@@ -85,6 +88,8 @@ REFUSED = {
     ),
     "labels under other names": (("name,a,b,c", "P{i},{x},{y},{z}"), "called 'name, a, b, c'"),
     "other names in a comment": (("# t, a, b, c", "{i}.5,{x},{y},{z}"), "called 't, a, b, c'"),
+    "a turned table": (("1 " * 40 + "\n" + "2 " * 40 + "\n" + "3 " * 40, ""), "transpose"),
+    "ARFF": (("@relation a\n@attribute t real\n@data", "{i},{x},{y},{z}"), "ARFF"),
     "GRASS": (("north: 9\nsouth: 0\neast: 9\nwest: 0\nrows: 40", "{x} {y} {z} 1"), "GRASS"),
     "Fortran": (("x,y,z", "{x}D+00,{y}D+00,{z}D+00"), "Fortran"),
     "TetGen": (("40 3 0 0", "{i} {x} {y} {z}"), "TetGen"),
@@ -132,6 +137,16 @@ def test_errors_of_spreadsheets_are_nan(tmp_path: Path, word: str, row: str) -> 
     np.testing.assert_allclose(cloud.points[:40], POINTS, rtol=0, atol=6e-4)
     assert len(cloud.points) == len(cloud.attributes["i"]) == 41
     assert np.isnan(cloud.points[40]).any()
+
+
+def test_a_count_of_something_else_is_no_count_of_rows(tmp_path: Path) -> None:
+    cloud = read_points(write_file(tmp_path, table("ore\n4\nAu\nX\nY\nZ", "{i} {x} {y} {z}")))
+    assert any("column" in warning for warning in cloud.warnings), "no column is taken in silence"
+
+
+def test_the_end_of_a_text_of_dos(tmp_path: Path) -> None:
+    content = table("", "{x} {y} {z}") + b"\x1a"
+    assert len(read_points(write_file(tmp_path, content)).points) == 40
 
 
 def test_names_in_utf8_or_latin1(tmp_path: Path) -> None:
