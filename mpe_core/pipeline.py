@@ -22,7 +22,7 @@ from mpe_core.progress import FractionCallback, Progress
 from mpe_core.refine.covariance import PoseUncertainty
 from mpe_core.refine.full_sum import FullSum
 from mpe_core.refine.minimum import Minimum
-from mpe_core.refine.point_to_plane import PointToPlane
+from mpe_core.refine.point_to_plane import PRESELECT_STEPS, PointToPlane
 from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
@@ -48,6 +48,10 @@ MAX_REFINED = 8
 """Candidates of a search that are refined fully; the others are left after a short refinement of
 some of their points (docs/tuning.md)."""
 
+MAX_SCORE_GAP = 3.0
+"""Score by which a candidate may fall short of the best one after the short refinement and still be
+refined fully (docs/tuning.md)."""
+
 LEVELLED_CANDIDATES = 48
 """Candidates of the levelled search that are refined shortly."""
 
@@ -69,6 +73,18 @@ class ScoredPose:
 
     minimum: Minimum
     evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True)
+class _Preselected:
+    """Candidate after a short refinement."""
+
+    row: int
+    """Its row among the candidates."""
+    T: Array
+    """(4, 4) pose that the short refinement reached."""
+    weak_evidence: Evidence | None = None
+    """Evidence of one that falls too far short of the best one to be refined fully."""
 
 
 class PosePipeline:
@@ -212,8 +228,8 @@ class PosePipeline:
         with progress.stage("search") as report:
             candidates = self.find_levelled_candidates(report)
         with progress.stage("refine") as report:
-            rows = self._preselect(candidates.poses, report)
-            poses += [self.refine(candidates.poses[k]) for k in rows]
+            promising = self._preselect(candidates.poses, report)
+            poses += [self._refine_preselected(near) for near in promising]
 
     def refine(self, T: Array) -> ScoredPose:
         """Refine and score a coarse pose T (4, 4)."""
@@ -238,24 +254,40 @@ class PosePipeline:
 
         Once a pose convinces, only candidates that score nearly as well as the best are refined.
         """
-        rows = self._preselect(candidates.poses, lambda share: report(share / 2))
-        for done, k in enumerate(rows):
-            report(0.5 + 0.5 * done / len(rows))
-            is_rival = candidates.scores[k] >= REFINE_ABOVE * candidates.scores[0]
+        first, rest = candidates.split(1)
+        if len(rest.poses) == 0 or rest.scores[0] < REFINE_ABOVE * first.scores[0]:
+            poses.append(self.refine(first.poses[0]))
+            if len(rest.poses) == 0 or self._has_convincing(poses, level):
+                return
+            candidates = rest
+        promising = self._preselect(candidates.poses, lambda share: report(share / 2))
+        for done, near in enumerate(promising):
+            report(0.5 + 0.5 * done / len(promising))
+            is_rival = candidates.scores[near.row] >= REFINE_ABOVE * first.scores[0]
             if is_rival or not self._has_convincing(poses, level):
-                poses.append(self.refine(candidates.poses[k]))
+                poses.append(self._refine_preselected(near))
 
-    def _preselect(self, poses: Array, report: FractionCallback) -> list[int]:
-        """Rows of up to MAX_REFINED of the poses (K, 4, 4), by a short refinement of each."""
-        rows = list(range(len(poses)))
-        if len(rows) <= MAX_REFINED or self._regime.uses_full_sum:
-            return rows[:MAX_REFINED]
-        keys = []
-        for done, T in enumerate(poses):
-            report(done / len(poses))
-            evidence = self.scorer.score_after_short_refinement(self._prior.project_to_yaw(T))
-            keys.append(evidence.sort_key)
-        return sorted(rows, key=lambda row: keys[row], reverse=True)[:MAX_REFINED]
+    def _preselect(self, poses: Array, report: FractionCallback) -> list[_Preselected]:
+        """Select up to MAX_REFINED of the poses (K, 4, 4) by a short refinement, best first."""
+        if self._regime.uses_full_sum:
+            return [_Preselected(row, T) for row, T in enumerate(poses[:MAX_REFINED])]
+        found: list[tuple[int, Array, Evidence]] = []
+        for row, T in enumerate(poses):
+            report(row / len(poses))
+            near = self.planes.refine_shortly(self._prior.project_to_yaw(T))
+            found.append((row, near, self.scorer.score_subset(near)))
+        found.sort(key=lambda each: each[2].sort_key, reverse=True)
+        least = max((evidence.score for _, _, evidence in found), default=0.0) - MAX_SCORE_GAP
+        return [
+            _Preselected(row, T, None if evidence.score >= least else evidence)
+            for row, T, evidence in found[:MAX_REFINED]
+        ]
+
+    def _refine_preselected(self, near: _Preselected) -> ScoredPose:
+        """Refine and score a preselected pose; one that falls short stays a rival as it is."""
+        if near.weak_evidence is None:
+            return self.refine(near.T)
+        return ScoredPose(Minimum(near.T, False, PRESELECT_STEPS), near.weak_evidence)
 
     def _has_convincing(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
         """Whether a pose ends the search at this level."""

@@ -95,10 +95,9 @@ class PoseScorer:
             return evidence
         return replace(evidence, degenerate_dof=self._planes.count_degenerate(T))
 
-    def score_after_short_refinement(self, T: Array) -> Evidence:
-        """Measure the evidence that a few steps on a subset reach from the pose T (4, 4)."""
-        matches = self._planes.match_after_short_refinement(T)
-        evidence = self._evidence(matches, self._planes.variation_of_subset)
+    def score_subset(self, T: Array) -> Evidence:
+        """Measure the evidence that a subset of the points gives for the pose T (4, 4)."""
+        evidence = self._evidence(self._planes.match_subset(T), self._planes.variation_of_subset)
         return self._with_contradictions(evidence, T)
 
     def _with_contradictions(self, evidence: Evidence, T: Array) -> Evidence:

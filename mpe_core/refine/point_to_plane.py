@@ -29,7 +29,7 @@ STEP_TOL = 2e-5
 """Step in radians (0.001 degrees) and radii under which the iteration has converged; below it, the
 nearest points keep changing places."""
 
-MAX_STEPS = 30
+MAX_STEPS = 20
 """Bound on the steps of a candidate's refinement. Only the best goes on (docs/tuning.md)."""
 
 MAX_SMOOTHED_RATIO = 0.9
@@ -111,7 +111,7 @@ class PointToPlane:
 
     @cached_property
     def variation_of_subset(self) -> Points:
-        """(n,) surface variation around the points that `match_after_short_refinement` takes."""
+        """(n,) surface variation around the points that `match_subset` takes."""
         return self._own_planes(self._subset).comparable_variation(self.radius)
 
     @cached_property
@@ -119,10 +119,13 @@ class PointToPlane:
         """(M,) surface variation at some points of the fixed cloud."""
         return self._planes.variation_of_subset()
 
-    def match_after_short_refinement(self, T: Array) -> Correspondences:
-        """Match a subset of the sample, after a few steps from the pose T."""
-        minimum = self._minimize(self._subset, T, PRESELECT_STEPS)
-        return match_planes(self._subset, self._planes, minimum.T)
+    def refine_shortly(self, T: Array) -> Array:
+        """(4, 4) pose that a subset of the sample reaches in a few steps from the pose T."""
+        return self._minimize(self._subset, T, PRESELECT_STEPS).T
+
+    def match_subset(self, T: Array) -> Correspondences:
+        """Match a subset of the sample at the pose T with the planes."""
+        return match_planes(self._subset, self._planes, T)
 
     def count_degenerate(self, T: Array) -> int:
         """Count the directions in which the surfaces slide on themselves at the pose T."""
@@ -164,7 +167,7 @@ class PointToPlane:
         )
 
     def _fits_better_smoothed(self, T: Array) -> bool:
-        raw = match_planes(self._subset, self._planes, T)
+        raw = self.match_subset(T)
         smoothed = match_planes(self._smoothed(self._subset), self._planes, T, smooth=True)
         cutoff = self._planes.cutoff
         return smoothed.weighted_rms(cutoff) < MAX_SMOOTHED_RATIO * raw.weighted_rms(cutoff)

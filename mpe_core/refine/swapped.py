@@ -33,7 +33,7 @@ class SwappedPointToPlane:
 
     @property
     def variation_of_subset(self) -> Points:
-        """(n,) surface variation around the points that `match_after_short_refinement` takes."""
+        """(n,) surface variation around the points that `match_subset` takes."""
         return self._inner.variation_of_subset
 
     @property
@@ -57,9 +57,13 @@ class SwappedPointToPlane:
         """Match a sample of the target with the planes of the source, at the pose T."""
         return self._inner.match(inverse(T))
 
-    def match_after_short_refinement(self, T: Array) -> Correspondences:
-        """Match a subset of the sample, after a few steps from the pose T."""
-        return self._inner.match_after_short_refinement(inverse(T))
+    def refine_shortly(self, T: Array) -> Array:
+        """(4, 4) pose that a subset of the sample reaches in a few steps from the pose T."""
+        return inverse(self._inner.refine_shortly(inverse(T)))
+
+    def match_subset(self, T: Array) -> Correspondences:
+        """Match a subset of the sample with the planes of the source, at the pose T."""
+        return self._inner.match_subset(inverse(T))
 
     def count_degenerate(self, T: Array) -> int:
         """Count the directions in which the surfaces slide on themselves at the pose T."""

@@ -87,9 +87,10 @@ def test_preselection_keeps_the_right_pose(steps):
         for angle in rng.uniform(0.7, 3, 15)
     ]
     poses.insert(11, pose(axis_rotation(np.ones(3), 0.05), np.zeros(3)) @ TRUTH)
-    rows = steps._preselect(np.array(poses), lambda fraction: None)
-    assert len(rows) == pipeline.MAX_REFINED
-    assert rows[0] == 11
+    found = steps._preselect(np.array(poses), lambda fraction: None)
+    assert len(found) == pipeline.MAX_REFINED
+    assert found[0].row == 11
+    assert found[0].weak_evidence is None  # and is refined fully
 
 
 def street_steps(prior=None, stray=0.0):
