@@ -53,17 +53,28 @@ MIN_EXCHANGE_RATIO = 1.2
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
-    """Registration at one scale, with what found it."""
+class Trial:
+    """Best pose between two clouds, with what found it."""
 
-    found: Registration
-    """Result, whose transform is rigid."""
     best: ScoredPose
-    """Its pose and the evidence, between the normalized clouds."""
+    """Pose and evidence, between the normalized clouds."""
     pipeline: Pipeline
     """What matched the clouds."""
     pair: CloudPair
     """The normalized clouds."""
+
+    @property
+    def T_target_source(self) -> NDArray[np.float64]:
+        """(4, 4) pose between the caller's clouds."""
+        return self.pair.to_caller(self.best.minimum.T)
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt(Trial):
+    """Registration at one scale, with what found it."""
+
+    found: Registration
+    """Result, whose transform is rigid."""
     is_by_color: bool = False
     """Whether intensity or colour settled the pose."""
 
@@ -95,11 +106,8 @@ def register_rigidly(
     compares_shape
         Whether points have to meet points of the same local shape.
     """
-    with progress.stage("prepare") as report:
-        report(0.2)
-        pair, clouds = prepare_pair(source, target, options)
-        report(0.8)
-        pipeline = _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
+    with progress.stage("prepare"):
+        pair, pipeline = _prepare(source, target, options, compares_shape=compares_shape)
     if start is None:
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
@@ -107,6 +115,35 @@ def register_rigidly(
     with progress.stage("refine"):
         uncertainty = _estimate_uncertainty(pipeline, pair, best)
     return describe_pose(pipeline, pair, [best, *others], uncertainty, options, progress)
+
+
+def refine_trial(
+    source: Cloud, target: Cloud, options: RegistrationOptions, start: NDArray[np.float64]
+) -> Trial:
+    """Refine a pose (4, 4) between the caller's clouds, as a candidate of the search is refined."""
+    pair, pipeline = _prepare(source, target, options)
+    return Trial(pipeline.refine(pair.from_caller(start)), pipeline, pair)
+
+
+def search_trial(
+    source: Cloud,
+    target: Cloud,
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel],
+) -> Trial:
+    """Find the best rigid pose, as `register_rigidly` does, without a description of it."""
+    pair, pipeline = _prepare(source, target, options)
+    best = _find_poses(pipeline, pair, options, progress, levels)[0]
+    return Trial(best, pipeline, pair)
+
+
+def _prepare(
+    source: Cloud, target: Cloud, options: RegistrationOptions, *, compares_shape: bool = True
+) -> tuple[CloudPair, Pipeline]:
+    """Normalize the clouds, and choose what matches them."""
+    pair, clouds = prepare_pair(source, target, options)
+    return pair, _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
 
 
 def _choose_pipeline(
@@ -183,7 +220,7 @@ def describe_pose(
         timing=progress.finish(),
     )
     warnings = describe_warnings(pair, best.evidence, result)
-    return Attempt(replace(result, warnings=warnings), best, pipeline, pair)
+    return Attempt(best, pipeline, pair, replace(result, warnings=warnings))
 
 
 def prepare_pair(

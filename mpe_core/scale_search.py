@@ -17,7 +17,13 @@ from mpe_core.progress import Progress
 from mpe_core.refine.scale import ScaleStep, estimate_scale_step
 from mpe_core.refine.swapped import SwappedPointToPlane
 from mpe_core.result import CodedWarning, Registration
-from mpe_core.rigid_registration import Attempt, register_rigidly
+from mpe_core.rigid_registration import (
+    Attempt,
+    Trial,
+    refine_trial,
+    register_rigidly,
+    search_trial,
+)
 from mpe_core.search.pose_search import QUICK, SEARCH_LEVELS, SearchLevel
 
 Array = NDArray[np.float64]
@@ -67,28 +73,20 @@ MIRRORED = CodedWarning(
 MAX_STEPS, STEP_TOL = 12, 1e-6
 """Steps of the scale, and the last step's logarithm at which it stops."""
 
+DOUBT_STEP_TOL = 0.001
+"""The same where only a scale that differs by MIN_WRONG_SCALE matters."""
+
 MAX_STEP = 0.1
 """Largest logarithm of one step."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Scaled:
-    """Attempt with the source scaled by a factor."""
+    """Pose with the source scaled by a factor."""
 
     scale: float
-    attempt: Attempt
+    trial: Trial
     deviation: float = 0.0
-
-    def result(self) -> Registration:
-        """Return the result with a similarity in place of the rigid transform."""
-        found, S = self.attempt.found, np.diag([self.scale] * 3 + [1.0])
-        return replace(
-            found,
-            T_target_source=found.T_target_source @ S,
-            alternatives=found.alternatives @ S,
-            scale=self.scale,
-            scale_deviation=self.deviation,
-        )
 
 
 def register_scaled(
@@ -106,7 +104,7 @@ def register_scaled(
         Takes stages and times.
     """
     if options.scale not in ("fixed", "units"):
-        return _register_free(source, target, options, progress).result()
+        return _register_free(source, target, options, progress)
     if options.scale == "units":
         return _register_units(source, target, options, progress)
     first = settle_by_color(register_rigidly(source, target, options, progress), options, progress)
@@ -129,7 +127,7 @@ def _register_units(
                 f"the source is taken to be in {guess.source} and the target in {guess.target}:"
                 f" the transform scales by {guess.factor:.6g}",
             )
-            return _with_cause(_Scaled(guess.factor, attempt).result(), text)
+            return _with_cause(_as_similarity(attempt.found, guess.factor), text)
     return register_rigidly(source, target, options, progress).found
 
 
@@ -139,7 +137,7 @@ def _doubt(
     """Refuse an accepted pose where the clouds fit much better at another scale, or mirrored."""
     if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
         return first.found
-    cause = _other_scale(source, target, first, options, progress)
+    cause = _other_scale(source, target, first, options)
     asks_hand = first.found.confidence <= SURE_HAND_CONFIDENCE and options.initial_transform is None
     if cause is None and asks_hand:
         cause = _other_hand(source, target, first, options, progress)
@@ -150,16 +148,16 @@ def _doubt(
 
 
 def _other_scale(
-    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
+    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions
 ) -> CodedWarning | None:
     """Name the scale at which the clouds fit much better next to an accepted pose."""
     step = _scale_step(first)
     if step is None or abs(step.log_scale) < MIN_FIRST_STEP:
         return None
-    refined = _refine_scale(source, target, _Scaled(1.0, first), options, progress)
+    refined = _refine_scale(source, target, _Scaled(1.0, first), options, DOUBT_STEP_TOL)
     if abs(np.log(refined.scale)) < MIN_WRONG_SCALE:
         return None
-    before, after = (each.best.evidence for each in (first, refined.attempt))
+    before, after = (each.best.evidence for each in (first, refined.trial))
     gain = after.on_surface_fraction * after.surface_agreement
     if gain < MIN_GAIN * before.on_surface_fraction * before.surface_agreement:
         return None
@@ -174,7 +172,7 @@ def _other_hand(
     source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> CodedWarning | None:
     """Name the other hand where the mirrored source fits clearly better than an accepted pose."""
-    trial = _register_mirrored(source, target, options, progress)
+    trial = _search_mirrored(source, target, options, progress)
     before, after = first.best.evidence, trial.best.evidence
     is_better = after.sort_key > before.sort_key
     return MIRRORED if is_better and after.log_odds > before.log_odds + MIRROR_LOG_ODDS else None
@@ -187,8 +185,14 @@ def _name_cause(
     if options.initial_transform is not None or options.method != "mpl":
         return None
     for guess in guess_units(*first.pair.radii):
-        trial = _register_at(guess.factor, source, target, options, progress, QUICK_LEVELS)
-        if trial.found.accepted:
+        trial = search_trial(
+            source.scaled(guess.factor),
+            target,
+            _at_scale(options, guess.factor),
+            progress,
+            QUICK_LEVELS,
+        )
+        if trial.best.evidence.accepted:
             larger = max(guess.factor, 1 / guess.factor)
             names = ("target", "source") if guess.factor > 1 else ("source", "target")
             return CodedWarning(
@@ -197,8 +201,8 @@ def _name_cause(
                 f" the source in {guess.source} and the target in {guess.target}. Convert both to"
                 ' one unit, or set scale to "units"',
             )
-    trial = _register_mirrored(source, target, options, progress)
-    return MIRRORED if trial.found.accepted else None
+    trial = _search_mirrored(source, target, options, progress)
+    return MIRRORED if trial.best.evidence.accepted else None
 
 
 def _register_at(
@@ -210,42 +214,66 @@ def _register_at(
     levels: Sequence[SearchLevel] = SEARCH_LEVELS,
     start: Array | None = None,
 ) -> Attempt:
-    """Register the source with its coordinates times a scale, and its viewpoint with them."""
-    if (viewpoint := options.source_viewpoint) is not None:
-        x, y, z = (scale * value for value in viewpoint)
-        options = replace(options, source_viewpoint=(x, y, z))
+    """Register the source with its coordinates times a scale."""
+    options = _at_scale(options, scale)
     return register_rigidly(
         source.scaled(scale), target, options, progress, levels=levels, start=start
     )
 
 
-def _register_mirrored(
+def _at_scale(options: RegistrationOptions, scale: float) -> RegistrationOptions:
+    """Options with the viewpoint of the source times a scale."""
+    if (viewpoint := options.source_viewpoint) is None:
+        return options
+    x, y, z = (scale * value for value in viewpoint)
+    return replace(options, source_viewpoint=(x, y, z))
+
+
+def _search_mirrored(
     source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
-) -> Attempt:
-    """Register the source with x turned to -x, and what the caller knows of it."""
+) -> Trial:
+    """Search with the source's x turned to -x, and what the caller knows of it."""
     gravity, viewpoint = (
         None if v is None else (-v[0], v[1], v[2])
         for v in (options.source_gravity, options.source_viewpoint)
     )
     options = replace(options, source_gravity=gravity, source_viewpoint=viewpoint)
-    return register_rigidly(source.mirrored(), target, options, progress, levels=MIRROR_LEVELS)
+    return search_trial(source.mirrored(), target, options, progress, MIRROR_LEVELS)
 
 
 def _register_free(
     source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
-) -> _Scaled:
+) -> Registration:
     """Try scales within the bounds, and refine the best."""
-    scales = _start_scales(source, target, options.scale)
     tried: list[_Scaled] = []
-    for scale in scales:
-        attempt = _register_at(scale, source, target, options, progress, QUICK_LEVELS[:1])
-        refined = _refine_scale(source, target, _Scaled(scale, attempt), options, progress)
-        tried.append(refined if refined.attempt.found.accepted else _Scaled(scale, attempt))
-        if refined.attempt.found.confidence > SEARCH_LEVELS[0].stop_confidence:
+    for scale in _start_scales(source, target, options.scale):
+        first = _Scaled(
+            scale, _register_at(scale, source, target, options, progress, QUICK_LEVELS[:1])
+        )
+        refined = _refine_scale(source, target, first, options, STEP_TOL)
+        tried.append(refined if refined.trial.best.evidence.accepted else first)
+        if refined.trial.best.evidence.confidence > SEARCH_LEVELS[0].stop_confidence:
             break
     bounds = options.scale if isinstance(options.scale, tuple) else (0.0, np.inf)
     allowed = [each for each in tried if bounds[0] <= each.scale <= bounds[1]] or tried
-    return max(allowed, key=lambda each: each.attempt.best.evidence.sort_key)
+    best = max(allowed, key=lambda each: each.trial.best.evidence.sort_key)
+    attempt = best.trial
+    if not isinstance(attempt, Attempt):
+        start = attempt.T_target_source
+        attempt = _register_at(best.scale, source, target, options, progress, start=start)
+    return _as_similarity(attempt.found, best.scale, best.deviation)
+
+
+def _as_similarity(found: Registration, scale: float, deviation: float = 0.0) -> Registration:
+    """Describe the result of a scaled source as that of the source, by a similarity."""
+    S = np.diag([scale] * 3 + [1.0])
+    return replace(
+        found,
+        T_target_source=found.T_target_source @ S,
+        alternatives=found.alternatives @ S,
+        scale=scale,
+        scale_deviation=deviation,
+    )
 
 
 def _start_scales(
@@ -262,34 +290,34 @@ def _start_scales(
 
 
 def _refine_scale(
-    source: Cloud, target: Cloud, scaled: _Scaled, options: RegistrationOptions, progress: Progress
+    source: Cloud, target: Cloud, scaled: _Scaled, options: RegistrationOptions, step_tol: float
 ) -> _Scaled:
-    """Alternate steps of the scale and refinements of the pose."""
+    """Alternate steps of the scale, down to `step_tol`, and refinements of the pose."""
     for _ in range(MAX_STEPS):
-        step = _scale_step(scaled.attempt)
+        step = _scale_step(scaled.trial)
         if step is None:
             break
         change = float(np.clip(step.log_scale, -MAX_STEP, MAX_STEP))
         scaled = replace(scaled, deviation=step.deviation * scaled.scale)
-        if abs(change) < STEP_TOL:
+        if abs(change) < step_tol:
             break
         scale = scaled.scale * float(np.exp(change))
-        start = _about_centre(scaled.attempt, float(np.exp(-change)))
-        attempt = _register_at(scale, source, target, options, progress, start=start)
-        scaled = replace(scaled, scale=scale, attempt=attempt)
+        start = _about_centre(scaled.trial, float(np.exp(-change)))
+        trial = refine_trial(source.scaled(scale), target, _at_scale(options, scale), start)
+        scaled = replace(scaled, scale=scale, trial=trial)
     return scaled
 
 
-def _about_centre(attempt: Attempt, shrunk: float) -> Array:
+def _about_centre(trial: Trial, shrunk: float) -> Array:
     """(4, 4) pose for the source scaled by 1 / `shrunk`, with its centre where it was."""
-    T, centre = attempt.found.T_target_source.copy(), attempt.pair.source_centre
+    T, centre = trial.T_target_source.copy(), trial.pair.source_centre
     T[:3, 3] += T[:3, :3] @ centre * (1 - 1 / shrunk)
     return T
 
 
-def _scale_step(attempt: Attempt) -> ScaleStep | None:
-    planes = attempt.pipeline.planes
-    step = estimate_scale_step(planes.match(attempt.best.minimum.T), planes.radius / 2)
+def _scale_step(trial: Trial) -> ScaleStep | None:
+    planes = trial.pipeline.planes
+    step = estimate_scale_step(planes.match(trial.best.minimum.T), planes.radius / 2)
     if step is not None and isinstance(planes, SwappedPointToPlane):
         return replace(step, log_scale=-step.log_scale)
     return step
