@@ -31,8 +31,9 @@ from mpe_core.assess.confidence import (
     MIN_COVERAGE,
     Evidence,
 )
+from mpe_core.assess.rivals import ScoredPose
 from mpe_core.clouds.validate import validate_cloud
-from mpe_core.pipeline import PosePipeline, ScoredPose
+from mpe_core.pipeline import PosePipeline
 from mpe_core.refine.minimum import Minimum
 from mpe_core.rigid_registration import prepare_pair
 from mpe_core.search.pose_prior import PosePrior

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mpe_core.assess.coincidence import CoincidenceEvidence
+from mpe_core.assess.rivals import ScoredPose
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.relief import Painted, find_pattern
 from mpe_core.clouds.validate import Cloud, validate_cloud
 from mpe_core.geometry.rigid import pose
 from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.options import RegistrationOptions
-from mpe_core.pipeline import ScoredPose
 from mpe_core.progress import Progress
 from mpe_core.refine.minimum import Minimum
 from mpe_core.result import CodedWarning, Registration

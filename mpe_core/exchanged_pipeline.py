@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import Evidence
+from mpe_core.assess.rivals import ScoredPose
 from mpe_core.geometry.cell_list import Points
 from mpe_core.geometry.rigid import inverse
-from mpe_core.pipeline import PosePipeline, ScoredPose
+from mpe_core.pipeline import PosePipeline
 from mpe_core.progress import Progress
 from mpe_core.refine.covariance import PoseUncertainty
 from mpe_core.refine.minimum import Minimum

@@ -10,10 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.assess.completeness import Completeness
-from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, MAX_CONTRAST, Evidence
+from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
 from mpe_core.assess.free_space import FreeSpace
 from mpe_core.assess.layer_match import LayerMatch
 from mpe_core.assess.near_start import prefer_near_start
+from mpe_core.assess.rivals import (
+    ScoredPose,
+    beside_only_complete,
+    select_distinct,
+    select_equal,
+    with_contrast,
+)
 from mpe_core.assess.score import PoseScorer
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
@@ -55,24 +62,8 @@ refined fully (docs/tuning.md)."""
 LEVELLED_CANDIDATES = 48
 """Candidates of the levelled search that are refined shortly."""
 
-AMBIGUITY_MARGIN_AGREEMENT, AMBIGUITY_SHARE_ON_SURFACE = 0.05, 0.75
-"""Surface agreement by which a pose may fall short of the best one, and share of its on-surface
-fraction from which on, to fit as well: two views of a carton or of a bare room (docs/tuning.md)."""
-
-AMBIGUITY_SCORE, AMBIGUITY_ON_SURFACE = 1.5, 0.2
-"""Score and on-surface fraction by which a pose that would be accepted by itself may fall short of
-the best one: of two such poses at least one is wrong (docs/tuning.md)."""
-
 MIN_FIRST_SCORE = 0.5
 """Score by itself of a pose that ends the first search: it has met few rivals (docs/tuning.md)."""
-
-
-@dataclass(frozen=True, slots=True)
-class ScoredPose:
-    """Refined pose with the evidence for it."""
-
-    minimum: Minimum
-    evidence: Evidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +157,7 @@ class PosePipeline:
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
-        best, *others = _select_equal(ordered)
+        best, *others = select_equal(ordered)
         return [self.settle(best), *others]
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
@@ -302,7 +293,7 @@ class PosePipeline:
 
     def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Add to the evidence of each pose how it compares with the others."""
-        return self._with_only_complete(_contrasted(self._with_layer_support(poses)))
+        return self._with_only_complete(with_contrast(self._with_layer_support(poses)))
 
     def _with_only_complete(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Mark the pose that alone explains every point of both clouds."""
@@ -315,7 +306,7 @@ class PosePipeline:
         )
         if row is None:
             return poses
-        return [_beside_only_complete(pose, distinct[row]) for pose in poses]
+        return [beside_only_complete(pose, distinct[row]) for pose in poses]
 
     def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""
@@ -366,63 +357,3 @@ def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | Non
         return None
     free_space = FreeSpace(source.fine, target.fine, source.viewpoint, target.viewpoint)
     return free_space if free_space.tells_depths else None
-
-
-def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:
-    """Select the poses that differ from those before them."""
-    poses = np.array([pose.minimum.T for pose in ordered])
-    rows = distinct_rows(poses, -np.arange(len(ordered), dtype=np.float32), len(ordered))
-    return [ordered[k] for k in rows]
-
-
-def _contrasted(poses: list[ScoredPose]) -> list[ScoredPose]:
-    """Compare the score of each pose with that of the best different one."""
-    ordered = sorted(poses, key=lambda pose: pose.evidence.score, reverse=True)
-    distinct = select_distinct(ordered)
-    best = distinct[0]
-    second = distinct[1].evidence.score if len(distinct) > 1 else -np.inf
-    return [
-        replace(
-            pose,
-            evidence=replace(
-                pose.evidence, contrast=_contrast(pose, best, second), explains_all=False
-            ),
-        )
-        for pose in poses
-    ]
-
-
-def _beside_only_complete(pose: ScoredPose, only: ScoredPose) -> ScoredPose:
-    """Mark the pose as the only one that explains all, or as one that does not."""
-    is_only = are_close(pose.minimum.T, only.minimum.T)
-    marked = {"explains_all": True} if is_only else {"contrast": -MAX_CONTRAST}
-    return replace(pose, evidence=replace(pose.evidence, **marked))
-
-
-def _contrast(pose: ScoredPose, best: ScoredPose, second: float) -> float:
-    """Score of the pose less that of the best pose, or of the second if it is that itself."""
-    is_best = are_close(pose.minimum.T, best.minimum.T)
-    rival = second if is_best else best.evidence.score
-    return float(min(pose.evidence.score - rival, MAX_CONTRAST))
-
-
-def _select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
-    """Select the first pose, and those that differ from it but fit as well."""
-    best, *others = select_distinct(ordered)
-    return [best, *(pose for pose in others if _fits_as_well(pose.evidence, best.evidence))]
-
-
-def _fits_as_well(other: Evidence, best: Evidence) -> bool:
-    """Whether the other pose would be accepted in the absence of the best one, or nearly so."""
-    if not best.accepted or best.explains_all:
-        return False
-    if (
-        other.convinces
-        and other.score > best.score - AMBIGUITY_SCORE
-        and other.on_surface_fraction > best.on_surface_fraction - AMBIGUITY_ON_SURFACE
-    ):
-        return True
-    return (
-        other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
-        and other.on_surface_fraction > AMBIGUITY_SHARE_ON_SURFACE * best.on_surface_fraction
-    )

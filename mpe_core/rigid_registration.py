@@ -17,6 +17,7 @@ from mpe_core.assess.coincidence import (
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
 from mpe_core.assess.outline import keep_level, weigh_outline
+from mpe_core.assess.rivals import ScoredPose, select_distinct
 from mpe_core.assess.volume import doubt_fit_everywhere, find_exact_pose, may_fill_volume
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.flat import Plane, draw_outline, find_plane, lay_flat
@@ -34,7 +35,7 @@ from mpe_core.geometry.nearest import nearest_rows
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.options import RegistrationOptions
 from mpe_core.paper.methods import run_paper_method
-from mpe_core.pipeline import PosePipeline, ScoredPose, choose_planes, select_distinct
+from mpe_core.pipeline import PosePipeline, choose_planes
 from mpe_core.progress import Progress
 from mpe_core.refine.covariance import PoseUncertainty, paired_points_uncertainty
 from mpe_core.refine.minimum import Minimum

@@ -5,9 +5,10 @@ import pytest
 
 from mpe_core import RegistrationOptions, pipeline
 from mpe_core.assess.confidence import Evidence
+from mpe_core.assess.rivals import ScoredPose, select_equal
 from mpe_core.clouds.preprocess import prepare_cloud
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
-from mpe_core.pipeline import PosePipeline, ScoredPose, _select_equal
+from mpe_core.pipeline import PosePipeline
 from mpe_core.progress import Progress
 from mpe_core.refine.minimum import Minimum
 from mpe_core.search.pose_prior import PosePrior
@@ -72,12 +73,12 @@ def scored(degrees, agreement):
 def test_poses_that_fit_as_well_and_differ_are_kept():
     best = scored(0, 0.95)
     ordered = [best, scored(1, 0.94), scored(90, 0.93), scored(180, 0.6)]
-    assert _select_equal(ordered) == [best, ordered[2]]
+    assert select_equal(ordered) == [best, ordered[2]]
 
 
 def test_a_pose_that_is_not_accepted_has_no_equals():
     ordered = [scored(0, 0.2), scored(90, 0.2)]
-    assert _select_equal(ordered) == ordered[:1]
+    assert select_equal(ordered) == ordered[:1]
 
 
 def test_preselection_keeps_the_right_pose(steps):
