@@ -94,6 +94,18 @@ def test_preselection_keeps_the_right_pose(steps):
     assert found[0].weak_evidence is None  # and is refined fully
 
 
+def test_a_candidate_that_falls_short_stays_a_rival_as_it_is(steps):
+    poses = np.array([TRUTH, pose(axis_rotation(np.ones(3), 2.0), np.zeros(3)) @ TRUTH])
+    right, wrong = steps._preselect(poses, lambda fraction: None)
+    assert (right.row, wrong.row) == (0, 1)
+    kept = steps._refine_preselected(wrong)
+    np.testing.assert_array_equal(kept.minimum.T, wrong.T)
+    assert not kept.minimum.converged
+    first, second = steps.compare([steps.refine(right.T), kept])
+    assert first.evidence.contrast > pipeline.MAX_SCORE_GAP
+    assert second.evidence.contrast < -pipeline.MAX_SCORE_GAP
+
+
 def street_steps(prior=None, stray=0.0):
     rng = np.random.default_rng(0)
     world = street(rng)
