@@ -10,6 +10,7 @@ from benchmarks.free_space import FREE_SPACE_EXPERIMENT
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
 from benchmarks.kinds.experiment import KINDS_EXPERIMENT
+from benchmarks.page import PAGE
 from benchmarks.pairs import PAIRS
 from benchmarks.parts import PARTS
 from benchmarks.queue import QUEUE
@@ -39,6 +40,7 @@ if __name__ == "__main__":
             QUEUE,
             CLUSTER,
             SIZING,
+            PAGE,
         ],
         "python -m benchmarks",
     )

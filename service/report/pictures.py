@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from service.report.lettering import write_word
 from service.report.picture import (
+    WHITE,
     Image,
     View,
     color_by_value,
@@ -20,7 +21,8 @@ SOURCE_COLOR, TARGET_COLOR = (225, 110, 20), (55, 110, 180)
 """Orange and blue, which people with any colour vision tell apart."""
 VIEWS = {"ISO": View(-60, 25), "FRONT": View(-90, 0), "TOP": View(-90, 89.9)}
 SIDES = tuple(View(azimuth, 25) for azimuth in (-135, -45, 45, 135))
-_BEFORE_AFTER_SIZE, _SIDE_SIZE = (400, 330), (480, 360)
+_BEFORE_AFTER_SIZE, _SIDE_SIZE = (400, 306), (480, 360)
+_TITLE_HEIGHT, _TITLE_TOP = 24, 6
 _MAX_GAP = 3.0
 """Distance of the clouds in radii of the larger one, from which on `before` shows the source beside
 the target instead of where its file has it: two dots in an empty picture say nothing."""
@@ -43,11 +45,11 @@ def draw_before_after(
     for word, points in (("BEFORE", source[source_rows]), ("AFTER", moved[source_rows])):
         placed = _bring_near(points, fixed) if word == "BEFORE" else points
         row = [_draw_both(placed, fixed, view) for view in VIEWS.values()]
-        for image, name in zip(row, VIEWS, strict=True):
-            write_word(image, f"{word} {name}", 10, 10)
-        rows.append(row)
-    left = write_word(rows[0][0], "SOURCE", 10, 32, SOURCE_COLOR)
-    write_word(rows[0][0], "TARGET", left + 12, 32, TARGET_COLOR)
+        rows.append(
+            [_title(image, f"{word} {name}") for image, name in zip(row, VIEWS, strict=True)]
+        )
+    left = write_word(rows[0][0], "SOURCE", 190, _TITLE_TOP, SOURCE_COLOR)
+    write_word(rows[0][0], "TARGET", left + 12, _TITLE_TOP, TARGET_COLOR)
     return encode_png(join_rows(rows))
 
 
@@ -64,6 +66,13 @@ def draw_distances(
     grey = np.full((len(fixed), 3), 215, np.uint8)
     points, both = np.concatenate([fixed, moved[rows]]), np.concatenate([grey, colors])
     return [encode_png(draw_points(points, both, view, _SIDE_SIZE, moved[rows])) for view in SIDES]
+
+
+def _title(image: Image, words: str) -> Image:
+    """Put a line of words above an image, where it hides no points."""
+    line = np.full((_TITLE_HEIGHT, *image.shape[1:]), WHITE, np.uint8)
+    write_word(line, words, 10, _TITLE_TOP)
+    return np.concatenate([line, image])
 
 
 def _draw_both(source: NDArray[np.float64], target: NDArray[np.float64], view: View) -> Image:

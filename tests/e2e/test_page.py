@@ -179,7 +179,7 @@ def test_open_poses_are_shown_with_their_alternatives(
 
 
 def test_the_pose_in_other_forms_and_files(
-    browser: Browser, server: Server, key: str, job: str
+    browser: Browser, server: Server, key: str, job: str, tmp_path: Path
 ) -> None:
     with opened(browser, server, f"/#/registrations/{job}", key=key) as page:
         with caller(server, key) as client:
@@ -204,6 +204,14 @@ def test_the_pose_in_other_forms_and_files(
         report = Path(saved.value.path()).read_text()
         assert "<html" in report
         assert " mm" in report
+        paper = tmp_path / "report.html"
+        paper.write_text(report)
+        page.goto(paper.as_uri())
+        keep_screenshot(page, "report", is_whole=True)
+        assert page.locator("img").count() >= 5
+        broken = "[...document.images].filter(image => !image.naturalWidth).length"
+        assert page.evaluate(broken) == 0
+        assert not overflows(page)
 
 
 def test_georeferenced_clouds_are_drawn_as_exactly_as_others(

@@ -79,7 +79,7 @@ def opened(
 
 
 def _check_host(url: str, server: Server, complaints: list[str]) -> None:
-    if not url.startswith((server.url, "data:", "blob:")):
+    if not url.startswith((server.url, "data:", "blob:", "file:")):
         complaints.append(f"another host: {url}")
 
 
@@ -152,10 +152,10 @@ def share_unlike(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
     return float(unlike.mean())
 
 
-def keep_screenshot(page: Page, name: str) -> None:
+def keep_screenshot(page: Page, name: str, *, is_whole: bool = False) -> None:
     """An artefact of the run; docs/images has two of them."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+    page.screenshot(path=SCREENSHOTS / f"{name}.png", full_page=is_whole)
 
 
 def find_barriers(page: Page) -> list[str]:

@@ -233,6 +233,7 @@ export class Viewer {
 
   /** Draw soon; more calls until then are one. Where frames come late fewer points are drawn, and all at rest. */
   draw(): void {
+    clearTimeout(this.rest);
     if (this.isDue) return;
     this.isDue = true;
     const asked = performance.now();
@@ -242,7 +243,6 @@ export class Viewer {
       if (waited > SLOW_MS) this.quality = Math.max(MIN_QUALITY, this.quality * 0.7);
       if (waited < FAST_MS) this.quality = Math.min(1, this.quality * 1.2);
       this.drawNow(this.quality);
-      clearTimeout(this.rest);
       if (this.quality < 1) this.rest = window.setTimeout(() => this.drawNow(1), REST_MS);
     });
   }
