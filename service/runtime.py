@@ -50,11 +50,15 @@ from service.webhooks.sender import WebhookSender
 from service.workers.child import stop_forkserver
 from service.workers.export_gate import ExportGate
 from service.workers.exporter import Exporter
+from service.workers.lease import HEARTBEAT_SHARE
 from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
 
 DEADLINE_INTERVAL_S = 0.5
 """Interval of the looks for deadlines and leases that have passed, in seconds."""
+
+LEADER_PAUSE = 2
+"""Heartbeats that a new leader waits for before it ends leases."""
 
 log = logging.getLogger(__name__)
 
@@ -250,11 +254,16 @@ def _once_for_all(task: MaintenanceTask, listening: Listening) -> MaintenanceTas
 def _urgent_tasks(runtime: Runtime, listening: Listening) -> dict[str, MaintenanceTask]:
     """Return the tasks that callers wait for."""
     transitions = runtime.transitions
+    # after an outage of the database workers need a moment to extend what ended meanwhile
+    pause_s = LEADER_PAUSE * HEARTBEAT_SHARE * runtime.settings.lease_s
+
+    def expire_leases() -> None:
+        if listening.led_s > pause_s:
+            transitions.expire_leases(runtime.workers.held_jobs())
+
     return {
         "fail overdue": _once_for_all(transitions.fail_overdue, listening),
-        "expire leases": _once_for_all(
-            lambda: transitions.expire_leases(runtime.workers.held_jobs()), listening
-        ),
+        "expire leases": expire_leases,
     }
 
 

@@ -29,6 +29,10 @@ class Listening(Closeable, Protocol):
     def is_leader(self) -> bool:
         """Whether this process does what is done once for all, such as clean-up."""
 
+    @property
+    def led_s(self) -> float:
+        """Seconds that it has led without a break; 0 where it does not lead."""
+
 
 class ReadableDatabase(Protocol):
     """A database that rows are read from."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -39,13 +40,19 @@ class PostgresListener:
         self._hear = hear
         self._missed = missed
         self._stopping = threading.Event()
-        self._is_leader = False
+        self._led_since: float | None = None
         self._thread = threading.Thread(target=self._run, name="listen", daemon=True)
 
     @property
     def is_leader(self) -> bool:
         """Whether this process holds the lock of the leader, as far as it knows."""
-        return self._is_leader
+        return self._led_since is not None
+
+    @property
+    def led_s(self) -> float:
+        """Seconds that this process has led; 0 where it does not."""
+        since = self._led_since
+        return 0.0 if since is None else time.monotonic() - since
 
     def start(self) -> None:
         """Start the thread."""
@@ -67,7 +74,7 @@ class PostgresListener:
             except Exception:
                 log.exception("a change could not be heard")
             finally:
-                self._is_leader = False
+                self._led_since = None
             self._stopping.wait(RECONNECT_S)
 
     def _listen(self) -> None:
@@ -86,7 +93,8 @@ class PostgresListener:
             connection.execute(f"LISTEN {CHANNEL}")
             self._missed()
             while not self._stopping.is_set():
-                self._is_leader = self._is_leader or _try_lead(connection)
+                if self._led_since is None and _try_lead(connection):
+                    self._led_since = time.monotonic()
                 for message in connection.notifies(timeout=WAIT_S):
                     self._hear(message.payload)
                     if self._stopping.is_set():

@@ -87,6 +87,7 @@ class AloneListening:
     """A `service.database.engine.Listening` of the only process."""
 
     is_leader = True
+    led_s = math.inf
 
     def close(self) -> None:
         """Do nothing."""
