@@ -13,6 +13,7 @@ from mpe_core.clouds.ground import Ground
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import rotation_between
 from mpe_core.geometry.sampling import take_every
+from mpe_core.kernels.ray_cells import count_crossings
 
 Array = NDArray[np.float64]
 Grid = NDArray[np.bool_]
@@ -116,7 +117,9 @@ class LevelledCloud:
         """Count the cells of all layers that hold points."""
         xy, layer = self._standing
         cells = np.floor(xy / CELL_SIZE).astype(np.int64)
-        return len(np.unique(np.column_stack([cells, layer]), axis=0))
+        cells -= cells.min(axis=0, initial=0)
+        width, height = cells.max(axis=0, initial=0) + 1
+        return len(np.unique((layer * width + cells[:, 0]) * height + cells[:, 1]))
 
     def draw(self, A: Array, b: Array, cells: int, cell_size: float = CELL_SIZE) -> OccupancyGrids:
         """Draw the cloud moved by x -> A x + b into grids whose corner is the origin.
@@ -206,6 +209,11 @@ class _LocalGround:
         self._lowest = maximum_filter(np.where(seen, eroded, -np.inf), 3)
         self._lowest[np.isneginf(self._lowest)] = np.inf
 
+    @property
+    def table(self) -> tuple[Array, NDArray[np.int64], float]:
+        """Heights (w, h), infinite where none is near; index (2,) of the first cell; edge."""
+        return self._lowest, self._corner, GROUND_CELL_SIZE
+
     def at(self, xy: Array) -> Array:
         """(N,) heights at the places (N, 2); infinite where no point is near."""
         index = np.floor(xy / GROUND_CELL_SIZE).astype(np.int64) - self._corner
@@ -217,25 +225,23 @@ class _LocalGround:
 
 def _follow_rays(levelled: Array, viewpoint: Array, heights: _LocalGround) -> tuple[Array, Layers]:
     """Centres (M, 2) and layers (M,) of the cells that the rays to the points (N, 3) cross."""
-    offset = take_every(levelled, MAX_RAYS) - viewpoint
+    offset = np.ascontiguousarray(take_every(levelled, MAX_RAYS) - viewpoint)
     ranges = np.sqrt(np.einsum("ni,ni->n", offset, offset))
     steps = np.clip(RAY_SHARE * ranges / CELL_SIZE, 0, MAX_RAY_STEPS).astype(np.int64)
-    ray = np.repeat(np.arange(len(ranges)), steps)
-    step = np.arange(steps.sum()) - np.repeat(np.cumsum(steps) - steps, steps)
-    share = (step + 0.5) * CELL_SIZE / np.maximum(ranges[ray], CELL_SIZE)
-    x = viewpoint + share[:, None] * offset[ray]
-    layer = _layer_of(x[:, 2] - heights.at(x[:, :2]))
-    standing = (layer >= 0) & (layer < LAYERS)
-    cell = np.floor(x[standing, :2] / CELL_SIZE).astype(np.int64)
-    if not len(cell):
-        return np.empty((0, 2)), np.empty(0, np.int64)
-    low = cell.min(axis=0)
-    width, height = cell.max(axis=0) - low + 1
-    number = (layer[standing] * width + cell[:, 0] - low[0]) * height + cell[:, 1] - low[1]
-    number, counts = np.unique(number, return_counts=True)
-    number = number[counts >= MIN_RAY_SAMPLES]
-    layer, place = np.divmod(number, width * height)
-    return (np.stack(np.divmod(place, height), axis=1) + low + 0.5) * CELL_SIZE, layer
+    ends = viewpoint + (steps * CELL_SIZE / np.maximum(ranges, CELL_SIZE))[:, None] * offset
+    low, high = (
+        np.floor(bound[:2] / CELL_SIZE).astype(np.int64)
+        for bound in (
+            np.minimum(viewpoint, ends.min(axis=0, initial=np.inf)),
+            np.maximum(viewpoint, ends.max(axis=0, initial=-np.inf)),
+        )
+    )
+    counts = np.zeros((LAYERS, *(high - low + 1)), np.int32)
+    count_crossings(
+        viewpoint, offset, ranges, steps, CELL_SIZE, heights.table, LAYER_EDGES, low, counts
+    )
+    layer, *place = np.nonzero(counts >= MIN_RAY_SAMPLES)
+    return (np.stack(place, axis=1) + low + 0.5) * CELL_SIZE, layer
 
 
 def _grow(grid: Grid) -> Grid:
