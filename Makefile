@@ -16,7 +16,7 @@ help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 setup: .venv/.installed  ## make .venv, install everything from the lock file, build page and site
-	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels page site
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels .venv/.bytecode page site
 
 web/node_modules/.package-lock.json: .venv/.installed web/package-lock.json
 	$(PY) -m tools.build_page --packages
@@ -37,8 +37,13 @@ service/api/static/docs/index.html: web/node_modules/.package-lock.json $(addpre
 	@tools/install_system_packages $(SYSTEM_LIBRARIES)
 	@test -x $(PY) || python3 -m venv .venv
 	@# the lock file is complete; without --no-deps old releases of pip take later versions of what has extras
-	$(PY) -m pip install --quiet --no-deps --require-hashes -r requirements-dev.lock
-	$(PY) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(PY) -m pip install --quiet --no-compile --no-deps --require-hashes -r requirements-dev.lock
+	$(PY) -m pip install --quiet --no-compile --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# pip would do it before anything else can begin; some packages hold files that are no Python 3
+.venv/.bytecode: .venv/.installed
+	@$(PY) -m compileall -qq .venv/lib || true
 	@touch $@
 
 # numba's cache does not see that a kernel of another file, compiled into this one, has changed

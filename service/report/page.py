@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -79,7 +79,7 @@ def render_report(content: ReportContent) -> str:
         _section("Distances of the source from the target", _distances(content)),
         _section("Pose of the source in the frame of the target", _pose(content)),
         _section("Uncertainty of the pose", _uncertainty(content)),
-        _section("Options", _table(sorted(content.job["options"].items()))),
+        _section("Options", _table(_options(content.job["options"]))),
         _section("Times", _table((n, f"{s:.3f} s") for n, s in _timing(content.job))),
         f"<footer>mpe {escape(content.release)} · registration {escape(content.job['id'])} · "
         f"finished {escape(str(content.job['finished_at']))}</footer>",
@@ -107,7 +107,8 @@ def _clouds(content: ReportContent) -> str:
     rows = []
     for role, count in zip(("source", "target"), content.sizes, strict=True):
         cloud = content.job[role]
-        name = cloud["cloud"] or cloud["url"] or "uploaded file"
+        label = content.job["labels"].get(role)
+        name = cloud["cloud"] or cloud["url"] or label or "uploaded file"
         rows.append((role, f"{name}\n{count:,} points, {cloud['size']:,} bytes"))
         rows.append((f"SHA-256 of the {role}", cloud["sha256"]))
     unit = content.unit or "units of the file, which does not name them"
@@ -232,6 +233,12 @@ def _section(title: str, body: str) -> str:
 def _picture(png: bytes, text: str) -> str:
     data = base64.b64encode(png).decode()
     return f'<img alt="{escape(text)}" src="data:image/png;base64,{data}">'
+
+
+def _options(options: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    words = {None: "not set", True: "yes", False: "no"}
+    for name, value in sorted(options.items()):
+        yield name, words[value] if value is None or isinstance(value, bool) else value
 
 
 def _table(rows: Iterable[tuple[str, Any]]) -> str:

@@ -86,6 +86,16 @@ def test_what_a_report_tells() -> None:
     assert "units of the file" in render_report(content(unit=None))
 
 
+def test_names_and_options_are_in_words() -> None:
+    job = content().job | {"labels": {"source": "hall.e57"}, "source": CLOUD}
+    options = {"overlap": None, "yaw_only": True, "keep_no_data": False, "seed": 0}
+    page = render_report(content(job=job | {"options": options}))
+    cells = ("hall.e57<br>7 points", "not set</td>", "yes</td>", "no</td>", "0</td>")
+    assert [text for text in cells if text not in page] == []
+    assert "None" not in page
+    assert "uploaded file" in page
+
+
 def test_pose_forms_are_one_pose() -> None:
     from scipy.spatial.transform import Rotation
 
