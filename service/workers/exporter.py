@@ -44,8 +44,9 @@ MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
 MAX_WAITING = 8
 """Further exports that wait in a thread; those of the API wait before, in `ExportGate`."""
-TRIES = 2
-"""Processes that a file is tried with: the first may be killed for the sake of another."""
+TRIES = 3
+"""Processes that a file is tried with, as many as a registration by default: one may be killed for
+the sake of another, or with the forkserver."""
 DISK_INTERVAL_S = 0.25
 """Interval of the looks at the disk while a file grows, in seconds."""
 
