@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpe_core.assess.confidence import MAX_CONTRAST, Evidence
+from mpe_core.assess.confidence import MAX_CONTRAST, MIN_COVERAGE, Evidence
 from mpe_core.refine.minimum import Minimum
 from mpe_core.search.pose_search import are_close, distinct_rows
 
@@ -35,10 +35,13 @@ def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:
 
 
 def with_contrast(poses: list[ScoredPose]) -> list[ScoredPose]:
-    """Compare the score of each pose with that of the best different one."""
+    """Compare the score of each pose with that of the best different one.
+
+    Poses at which next to nothing meets are no rivals.
+    """
     ordered = sorted(poses, key=lambda pose: pose.evidence.score, reverse=True)
-    distinct = select_distinct(ordered)
-    best = distinct[0]
+    best, *others = select_distinct(ordered)
+    distinct = [best, *(pose for pose in others if pose.evidence.coverage >= MIN_COVERAGE)]
     second = distinct[1].evidence.score if len(distinct) > 1 else -np.inf
     return [
         replace(
