@@ -299,14 +299,19 @@ class PosePipeline:
         """Mark the pose that alone explains every point of both clouds."""
         if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO:
             return poses
-        ordered = sorted(poses, key=lambda pose: pose.evidence.score, reverse=True)
+        ordered = sorted(poses, key=lambda pose: pose.evidence.on_surface_fraction, reverse=True)
         distinct = select_distinct(ordered)
-        row = self._completeness.find_only(
-            [pose.minimum.T for pose in distinct], [pose.evidence for pose in distinct]
-        )
+        row = self._find_only_complete(distinct)
+        if row is not None:  # others may slide until they explain as much
+            row = self._find_only_complete([self.settle(pose) for pose in distinct])
         if row is None:
             return poses
         return [beside_only_complete(pose, distinct[row]) for pose in poses]
+
+    def _find_only_complete(self, distinct: list[ScoredPose]) -> int | None:
+        return self._completeness.find_only(
+            [pose.minimum.T for pose in distinct], [pose.evidence for pose in distinct]
+        )
 
     def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""

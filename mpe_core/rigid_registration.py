@@ -107,8 +107,11 @@ def register_rigidly(
     compares_shape
         Whether points have to meet points of the same local shape.
     """
-    with progress.stage("prepare"):
-        pair, pipeline = _prepare(source, target, options, compares_shape=compares_shape)
+    with progress.stage("prepare") as report:
+        report(0.2)
+        pair, clouds = prepare_pair(source, target, options)
+        report(0.8)
+        pipeline = _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
     if start is None:
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
@@ -140,11 +143,11 @@ def search_trial(
 
 
 def _prepare(
-    source: Cloud, target: Cloud, options: RegistrationOptions, *, compares_shape: bool = True
+    source: Cloud, target: Cloud, options: RegistrationOptions
 ) -> tuple[CloudPair, Pipeline]:
     """Normalize the clouds, and choose what matches them."""
     pair, clouds = prepare_pair(source, target, options)
-    return pair, _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
+    return pair, _choose_pipeline(pair, clouds, options)
 
 
 def _choose_pipeline(
@@ -152,7 +155,7 @@ def _choose_pipeline(
     clouds: tuple[PreparedCloud, PreparedCloud],
     options: RegistrationOptions,
     *,
-    compares_shape: bool,
+    compares_shape: bool = True,
 ) -> Pipeline:
     """Pipeline that moves the source, or the target where the source is the larger cloud."""
     source, target = clouds
