@@ -34,6 +34,8 @@ _WORD = re.compile(
 )
 """Place between words; xcoord and x座標 are two."""
 _BRACKETED_AXIS = re.compile(r"[\[({]([xyzXYZ])[\])}]")
+_MAX_NAME_CHARACTERS = 200
+"""Characters from which on a text is no name: a unit is looked for in quadratic time."""
 _MIN_SURVEY_WORD = 4
 """Letters of a word for a direction beside an axis: X/East, but not X_est, an estimate."""
 _LAST_CAPITAL = re.compile(r"(?<=[a-z])(?=[XYZ](?![A-Za-z]))")
@@ -175,6 +177,8 @@ def are_other_quantities(names: Sequence[str]) -> bool:
 
 def _normalize(name: str) -> str:
     """Convert to lower case, without quotes and without a unit; PosX becomes pos_x."""
+    if len(name) > _MAX_NAME_CHARACTERS:
+        return name.lower()
     bare = unicodedata.normalize("NFC", name).strip().strip("\"'`")
     bare = _LAST_CAPITAL.sub("_", bare).lower()
     if bare.endswith(("]", ")", "}", ">")):

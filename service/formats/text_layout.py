@@ -123,7 +123,8 @@ def _find_layout(lines: Sequence[str], *, decimal_comma: bool) -> TextLayout | N
             continue
         if not text.startswith(COMMENTS):
             skipped.append(index + 1)
-            count = None  # what is not right before the rows announces something else
+            if not text.isdecimal():
+                count = None  # what is not right before the rows announces something else
         if len(skipped) > _MAX_TEXT_LINES:
             return None
         if is_short:
