@@ -245,16 +245,16 @@ class PosePipeline:
 
         Once a pose convinces, only candidates that score nearly as well as the best are refined.
         """
-        first, rest = candidates.split(1)
-        if len(rest.poses) == 0 or rest.scores[0] < REFINE_ABOVE * first.scores[0]:
-            poses.append(self.refine(first.poses[0]))
-            if len(rest.poses) == 0 or self._has_convincing(poses, level):
+        least = REFINE_ABOVE * candidates.scores[0]
+        if not (candidates.scores[1:] >= least).any():
+            poses.append(self.refine(candidates.poses[0]))
+            candidates = Candidates(candidates.poses[1:], candidates.scores[1:])
+            if len(candidates.poses) == 0 or self._has_convincing(poses, level):
                 return
-            candidates = rest
         promising = self._preselect(candidates.poses, lambda share: report(share / 2))
         for done, near in enumerate(promising):
             report(0.5 + 0.5 * done / len(promising))
-            is_rival = candidates.scores[near.row] >= REFINE_ABOVE * first.scores[0]
+            is_rival = candidates.scores[near.row] >= least
             if is_rival or not self._has_convincing(poses, level):
                 poses.append(self._refine_preselected(near))
 

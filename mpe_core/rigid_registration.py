@@ -107,11 +107,7 @@ def register_rigidly(
     compares_shape
         Whether points have to meet points of the same local shape.
     """
-    with progress.stage("prepare") as report:
-        report(0.2)
-        pair, clouds = prepare_pair(source, target, options)
-        report(0.8)
-        pipeline = _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
+    pair, pipeline = _prepare(source, target, options, progress, compares_shape=compares_shape)
     if start is None:
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
@@ -122,11 +118,16 @@ def register_rigidly(
 
 
 def refine_trial(
-    source: Cloud, target: Cloud, options: RegistrationOptions, start: NDArray[np.float64]
+    source: Cloud,
+    target: Cloud,
+    options: RegistrationOptions,
+    progress: Progress,
+    start: NDArray[np.float64],
 ) -> Trial:
     """Refine a pose (4, 4) between the caller's clouds, as a candidate of the search is refined."""
-    pair, pipeline = _prepare(source, target, options)
-    return Trial(pipeline.refine(pair.from_caller(start)), pipeline, pair)
+    pair, pipeline = _prepare(source, target, options, progress)
+    with progress.stage("refine"):
+        return Trial(pipeline.refine(pair.from_caller(start)), pipeline, pair)
 
 
 def search_trial(
@@ -137,17 +138,25 @@ def search_trial(
     levels: Sequence[SearchLevel],
 ) -> Trial:
     """Find the best rigid pose, as `register_rigidly` does, without a description of it."""
-    pair, pipeline = _prepare(source, target, options)
+    pair, pipeline = _prepare(source, target, options, progress)
     best = _find_poses(pipeline, pair, options, progress, levels)[0]
     return Trial(best, pipeline, pair)
 
 
 def _prepare(
-    source: Cloud, target: Cloud, options: RegistrationOptions
+    source: Cloud,
+    target: Cloud,
+    options: RegistrationOptions,
+    progress: Progress,
+    *,
+    compares_shape: bool = True,
 ) -> tuple[CloudPair, Pipeline]:
     """Normalize the clouds, and choose what matches them."""
-    pair, clouds = prepare_pair(source, target, options)
-    return pair, _choose_pipeline(pair, clouds, options)
+    with progress.stage("prepare") as report:
+        report(0.2)
+        pair, clouds = prepare_pair(source, target, options)
+        report(0.8)
+        return pair, _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
 
 
 def _choose_pipeline(
@@ -155,7 +164,7 @@ def _choose_pipeline(
     clouds: tuple[PreparedCloud, PreparedCloud],
     options: RegistrationOptions,
     *,
-    compares_shape: bool = True,
+    compares_shape: bool,
 ) -> Pipeline:
     """Pipeline that moves the source, or the target where the source is the larger cloud."""
     source, target = clouds

@@ -137,7 +137,7 @@ def _doubt(
     """Refuse an accepted pose where the clouds fit much better at another scale, or mirrored."""
     if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
         return first.found
-    cause = _other_scale(source, target, first, options)
+    cause = _other_scale(source, target, first, options, progress)
     asks_hand = first.found.confidence <= SURE_HAND_CONFIDENCE and options.initial_transform is None
     if cause is None and asks_hand:
         cause = _other_hand(source, target, first, options, progress)
@@ -148,13 +148,13 @@ def _doubt(
 
 
 def _other_scale(
-    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions
+    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> CodedWarning | None:
     """Name the scale at which the clouds fit much better next to an accepted pose."""
     step = _scale_step(first)
     if step is None or abs(step.log_scale) < MIN_FIRST_STEP:
         return None
-    refined = _refine_scale(source, target, _Scaled(1.0, first), options, DOUBT_STEP_TOL)
+    refined = _refine_scale(source, target, _Scaled(1.0, first), options, progress, DOUBT_STEP_TOL)
     if abs(np.log(refined.scale)) < MIN_WRONG_SCALE:
         return None
     before, after = (each.best.evidence for each in (first, refined.trial))
@@ -250,7 +250,7 @@ def _register_free(
         first = _Scaled(
             scale, _register_at(scale, source, target, options, progress, QUICK_LEVELS[:1])
         )
-        refined = _refine_scale(source, target, first, options, STEP_TOL)
+        refined = _refine_scale(source, target, first, options, progress, STEP_TOL)
         tried.append(refined if refined.trial.best.evidence.accepted else first)
         if refined.trial.best.evidence.confidence > SEARCH_LEVELS[0].stop_confidence:
             break
@@ -290,7 +290,12 @@ def _start_scales(
 
 
 def _refine_scale(
-    source: Cloud, target: Cloud, scaled: _Scaled, options: RegistrationOptions, step_tol: float
+    source: Cloud,
+    target: Cloud,
+    scaled: _Scaled,
+    options: RegistrationOptions,
+    progress: Progress,
+    step_tol: float,
 ) -> _Scaled:
     """Alternate steps of the scale, down to `step_tol`, and refinements of the pose."""
     for _ in range(MAX_STEPS):
@@ -303,7 +308,8 @@ def _refine_scale(
             break
         scale = scaled.scale * float(np.exp(change))
         start = _about_centre(scaled.trial, float(np.exp(-change)))
-        trial = refine_trial(source.scaled(scale), target, _at_scale(options, scale), start)
+        scaled_options = _at_scale(options, scale)
+        trial = refine_trial(source.scaled(scale), target, scaled_options, progress, start)
         scaled = replace(scaled, scale=scale, trial=trial)
     return scaled
 

@@ -246,9 +246,11 @@ def _withdraw(runtime: Runtime) -> None:
         runtime.slots.withdraw()
 
 
-def _once_for_all(task: MaintenanceTask, listening: Listening) -> MaintenanceTask:
-    """Return a task that does something only in the service that leads."""
-    return lambda: task() if listening.is_leader else None
+def _once_for_all(
+    task: MaintenanceTask, listening: Listening, *, after_s: float = 0.0
+) -> MaintenanceTask:
+    """Return a task that only the service that leads does, once it has led for `after_s`."""
+    return lambda: task() if listening.is_leader and listening.led_s >= after_s else None
 
 
 def _urgent_tasks(runtime: Runtime, listening: Listening) -> dict[str, MaintenanceTask]:
@@ -256,14 +258,13 @@ def _urgent_tasks(runtime: Runtime, listening: Listening) -> dict[str, Maintenan
     transitions = runtime.transitions
     # after an outage of the database workers need a moment to extend what ended meanwhile
     pause_s = LEADER_PAUSE * HEARTBEAT_SHARE * runtime.settings.lease_s
-
-    def expire_leases() -> None:
-        if listening.led_s > pause_s:
-            transitions.expire_leases(runtime.workers.held_jobs())
-
     return {
         "fail overdue": _once_for_all(transitions.fail_overdue, listening),
-        "expire leases": expire_leases,
+        "expire leases": _once_for_all(
+            lambda: transitions.expire_leases(runtime.workers.held_jobs()),
+            listening,
+            after_s=pause_s,
+        ),
     }
 
 

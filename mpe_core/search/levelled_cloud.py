@@ -229,13 +229,8 @@ def _follow_rays(levelled: Array, viewpoint: Array, heights: _LocalGround) -> tu
     ranges = np.sqrt(np.einsum("ni,ni->n", offset, offset))
     steps = np.clip(RAY_SHARE * ranges / CELL_SIZE, 0, MAX_RAY_STEPS).astype(np.int64)
     ends = viewpoint + (steps * CELL_SIZE / np.maximum(ranges, CELL_SIZE))[:, None] * offset
-    low, high = (
-        np.floor(bound[:2] / CELL_SIZE).astype(np.int64)
-        for bound in (
-            np.minimum(viewpoint, ends.min(axis=0, initial=np.inf)),
-            np.maximum(viewpoint, ends.max(axis=0, initial=-np.inf)),
-        )
-    )
+    reached = np.floor(np.vstack([viewpoint, ends])[:, :2] / CELL_SIZE).astype(np.int64)
+    low, high = reached.min(axis=0), reached.max(axis=0)
     counts = np.zeros((LAYERS, *(high - low + 1)), np.int32)
     count_crossings(
         viewpoint, offset, ranges, steps, CELL_SIZE, heights.table, LAYER_EDGES, low, counts

@@ -132,13 +132,6 @@ class Candidates:
     scores: NDArray[np.float32]
     """(K,) negative energy over the total weight, in [0, 1]."""
 
-    def split(self, count: int) -> tuple[Candidates, Candidates]:
-        """Split into the best `count` candidates and the others."""
-        return (
-            Candidates(self.poses[:count], self.scores[:count]),
-            Candidates(self.poses[count:], self.scores[count:]),
-        )
-
 
 def find_poses(
     source: Surface,

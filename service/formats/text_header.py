@@ -22,7 +22,7 @@ _LEAD = re.compile(
 _NUMBERING = re.compile(r"(?<!\w)\d{1,3}[:=](?=[A-Za-z])")
 """Numbers of the columns before their names: "1:x 2:y 3:z"."""
 _QUOTED = re.compile(r'"[^"]*"')
-MAX_COLUMNS = 1000
+_MAX_COLUMNS = 1000
 """Columns of a table beyond which a line of text is no line of names."""
 
 
@@ -36,7 +36,7 @@ class Names:
     @classmethod
     def of(cls, items: list[str], *, may_be_prose: bool) -> Names:
         """Find the coordinates; prose with numbers, as "min x y z: 1 2 3", has none."""
-        if len(items) > MAX_COLUMNS or (may_be_prose and any(map(is_number, items))):
+        if len(items) > _MAX_COLUMNS or (may_be_prose and any(map(is_number, items))):
             return cls(items, None)
         return cls(items, find_xyz(items))
 

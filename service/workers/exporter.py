@@ -13,6 +13,7 @@ from pathlib import Path
 
 from mpe_core.machine import count_oom_kills
 from service.jobs.model import JobRow
+from service.jobs.transitions import MAX_LOST_ATTEMPTS
 from service.problems import (
     TYPE_PREFIX,
     ExpiredError,
@@ -44,9 +45,6 @@ MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
 MAX_WAITING = 8
 """Further exports that wait in a thread; those of the API wait before, in `ExportGate`."""
-TRIES = 3
-"""Processes that a file is tried with, as many as a registration by default: one may be killed for
-the sake of another, or with the forkserver."""
 DISK_INTERVAL_S = 0.25
 """Interval of the looks at the disk while a file grows, in seconds."""
 
@@ -167,8 +165,12 @@ class Exporter:
             yield
 
     def _perform(self, task: FileTask) -> list[str]:
-        """Let a child write the file, and another one where it was lost; return the warnings."""
-        for tries_left in reversed(range(TRIES)):
+        """Let a child write the file, and another one where it was lost; return the warnings.
+
+        As many are tried as for a registration: one may be killed for the sake of another, or with
+        the forkserver.
+        """
+        for tries_left in reversed(range(MAX_LOST_ATTEMPTS)):
             oom_kills = count_oom_kills()
             try:
                 with self._child() as child:

@@ -24,6 +24,7 @@ from service.api.body import (
 from service.problems import BodyTooLargeError, MalformedBodyError
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 from tests.factories.api import FORM_TYPE, form, part, request_of
+from tests.factories.threads import note_threads
 
 LIMIT = 10_000
 
@@ -55,14 +56,7 @@ def test_files_are_written_by_threads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_form: bool
 ) -> None:
     """A disk may be slow: the event loop does not wait for it."""
-    writers: set[int] = set()
-    write = BlobWriter.write
-
-    def noted(writer: BlobWriter, chunk: bytes) -> None:
-        writers.add(threading.get_ident())
-        write(writer, chunk)
-
-    monkeypatch.setattr(BlobWriter, "write", noted)
+    writers = note_threads(monkeypatch, BlobWriter, "write")
     content = bytes(3 * WRITE_BYTES)
     body = form(part("source", content, filename="a"), part("target", content, filename="b"))
     request = request_of(split(body if is_form else content, 1000), FORM_TYPE)

@@ -6,7 +6,7 @@ import asyncio
 import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import httpx
 import pytest
@@ -14,6 +14,7 @@ import pytest
 from service.api.routes import uploads
 from service.runtime import Runtime
 from tests.factories.api import XYZ, on_api
+from tests.factories.threads import note_threads
 
 PATH = "/v1/uploads"
 TUS = {"Tus-Resumable": "1.0.0"}
@@ -50,14 +51,7 @@ def test_pieces_become_a_cloud(tmp_path: Path) -> None:
 
 def test_pieces_are_written_by_threads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A disk may be slow: the event loop does not wait for it."""
-    writers: set[int] = set()
-    append = uploads._append
-
-    def noted(file: BinaryIO, chunk: bytes) -> None:
-        writers.add(threading.get_ident())
-        append(file, chunk)
-
-    monkeypatch.setattr(uploads, "_append", noted)
+    writers = note_threads(monkeypatch, uploads, "_append")
 
     async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
         url = await begin(client, len(XYZ))
