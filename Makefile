@@ -15,7 +15,7 @@ SOAK_SECONDS ?= 3600
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-setup: .venv/.installed  ## make .venv, install everything from the lock file, build page and site
+setup:  ## make .venv, install everything from the lock file, build page and site
 	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels .venv/.bytecode page site
 
 web/node_modules/.package-lock.json: .venv/.installed web/package-lock.json
@@ -33,12 +33,19 @@ service/api/static/docs/index.html: web/node_modules/.package-lock.json $(addpre
 	$(PY) -m tools.build_site
 	@touch $@
 
-.venv/.installed: requirements-dev.lock pyproject.toml Makefile
+# the lock file is complete; without --no-deps old releases of pip take later versions of what has extras
+PIP_INSTALL := $(PY) -m pip install --quiet --no-compile --no-deps
+
+# what the service runs on comes first: the kernels compile while pip unpacks the rest
+.venv/.core: requirements.lock Makefile
 	@tools/install_system_packages $(SYSTEM_LIBRARIES)
 	@test -x $(PY) || python3 -m venv .venv
-	@# the lock file is complete; without --no-deps old releases of pip take later versions of what has extras
-	$(PY) -m pip install --quiet --no-compile --no-deps --require-hashes -r requirements-dev.lock
-	$(PY) -m pip install --quiet --no-compile --no-deps --no-build-isolation --editable .
+	$(PIP_INSTALL) --require-hashes -r $<
+	@touch $@
+
+.venv/.installed: .venv/.core requirements-dev.lock pyproject.toml
+	$(PIP_INSTALL) --require-hashes -r requirements-dev.lock
+	$(PIP_INSTALL) --no-build-isolation --editable .
 	@touch $@
 
 # pip would do it before anything else can begin; some packages hold files that are no Python 3
@@ -47,7 +54,7 @@ service/api/static/docs/index.html: web/node_modules/.package-lock.json $(addpre
 	@touch $@
 
 # numba's cache does not see that a kernel of another file, compiled into this one, has changed
-.venv/.kernels: .venv/.installed $(wildcard mpe_core/kernels/*.py)
+.venv/.kernels: .venv/.core $(wildcard mpe_core/kernels/*.py)
 	@rm -f mpe_core/kernels/__pycache__/*.nb[ic]
 	$(PY) -c 'from mpe_core import register; from mpe_core.kernels import decimal_rows'  # compiles the kernels into the cache
 	@touch $@

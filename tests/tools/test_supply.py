@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tools.check_supply import COPYLEFT, LOCK, licence_problem
+
+PIN = re.compile(r"^[\w.-]+==[^\s;]+", re.M)
 
 
 @pytest.mark.parametrize(
@@ -28,3 +32,10 @@ def test_every_shipped_package_may_ship() -> None:
     names = [line.split("==")[0] for line in LOCK.read_text().splitlines() if "==" in line]
     assert "numpy" in names
     assert [text for name in names if (text := licence_problem(name))] == []
+
+
+def test_what_ships_is_what_is_tested() -> None:
+    tested = PIN.findall(LOCK.with_name("requirements-dev.lock").read_text())
+    shipped = PIN.findall(LOCK.read_text())
+    assert shipped
+    assert set(shipped) <= set(tested)
