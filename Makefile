@@ -48,9 +48,10 @@ PIP_INSTALL := $(PY) -m pip install --quiet --no-compile --no-deps
 	$(PIP_INSTALL) --no-build-isolation --editable .
 	@touch $@
 
-# pip would do it before anything else can begin; some packages hold files that are no Python 3
+# pip would do it before anything else can begin; some packages hold files that are no Python 3;
+# where PYTHONDONTWRITEBYTECODE is set, every process would compile the project again
 .venv/.bytecode: .venv/.installed
-	@$(PY) -m compileall -qq .venv/lib || true
+	@$(PY) -m compileall -qq .venv/lib mpe_client mpe_core service || true
 	@touch $@
 
 # numba's cache does not see that a kernel of another file, compiled into this one, has changed
