@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from tests.factories.cloud_files import seeds
-from tests.factories.hostile_files import HUGE, LIES, corpus
+from tests.factories.hostile_files import HUGE, LIES, damaged
 from tests.factories.server import Server
 
 TWO_POINTS = b"0 0 0\n1 1 1\n"  # no target to register to: what decodes fails there, in no time
@@ -20,9 +20,7 @@ EVERY = 11
 
 def chosen() -> list[tuple[str, bytes]]:
     """Each eleventh of the files that chance has damaged, and all that were made by hand."""
-    files = list(corpus())
-    by_chance = [file for file in files if file[0] not in LIES | HUGE]
-    return by_chance[::EVERY] + files[len(by_chance) :]
+    return [*list(damaged())[::EVERY], *(LIES | HUGE).items()]
 
 
 @pytest.mark.slow
