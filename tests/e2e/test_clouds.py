@@ -25,6 +25,13 @@ FILE = as_npy(REFERENCE)
 TUS = {"Tus-Resumable": "1.0.0"}
 
 
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Of this file alone: it is killed, and decodes a file for the first time."""
+    with running_server(tmp_path_factory.mktemp("server")) as running:
+        yield running
+
+
 def as_text(rows: int) -> bytes:
     text = io.StringIO()
     np.savetxt(text, knot(rows, np.random.default_rng(3)), fmt="%.7f")

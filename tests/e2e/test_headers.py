@@ -19,6 +19,13 @@ PATHS = yaml.safe_load((PROJECT / "openapi.yaml").read_text())["paths"]
 
 
 @pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Of this file alone: its blobs are removed."""
+    with running_server(tmp_path_factory.mktemp("server")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
 def calling(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server that pages of two origins may call."""
     origins = f"{PAGE}, http://localhost:5173"

@@ -19,6 +19,13 @@ from tests.factories.waiting import until
 CLOUD = as_npy(arms(1))
 
 
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Of this file alone: its registrations are counted."""
+    with running_server(tmp_path_factory.mktemp("server")) as running:
+        yield running
+
+
 def register(server: Server, **fields: Any) -> dict[str, Any]:
     response = server.submit(CLOUD, CLOUD, wait=60, **fields)
     assert response.status_code == 200, response.text

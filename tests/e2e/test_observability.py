@@ -21,6 +21,13 @@ from tests.factories.waiting import until
 CLOUD = as_npy(arms(1))
 
 
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Of this file alone: what happens in it is counted."""
+    with running_server(tmp_path_factory.mktemp("server")) as running:
+        yield running
+
+
 def samples(server: Server) -> dict[tuple[str, frozenset[tuple[str, str]]], float]:
     text = server.client.get("/metrics").text
     return {

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from benchmarks.blade import scan
 from service.formats import read_points, write_ply
-from tests.factories.server import Server
+from tests.factories.server import Server, running_server
 
 PROJECT = Path(__file__).parent.parent.parent
 README = (PROJECT / "README.md").read_text()
@@ -22,6 +23,13 @@ SERVICE = (PROJECT / "docs" / "service.md").read_text()
 CURL = (PROJECT / "docs" / "curl.md").read_text()
 MAX_WORDS = 1000
 MARK = "---- end of block ----"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Of this file alone: examples make keys, without which it answers nobody then."""
+    with running_server(tmp_path_factory.mktemp("server")) as running:
+        yield running
 
 
 def blocks(page: str, language: str) -> list[str]:
