@@ -78,7 +78,7 @@ coverage: setup  ## all tests, with the coverage of both packages
 	@tools/install_system_packages $(TEST_PACKAGES)
 	$(PY) -m pytest --cov $(IN_PARALLEL)
 
-# one process more than cores, because many tests wait; e2e first, small unit tests fill the end
+# one process more than cores, because many tests wait; slow files first, small unit tests fill the end
 IN_PARALLEL = --numprocesses $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 
 chaos: setup  ## 300 jobs while the server is killed, suspended and its clock set, 25 times; 500 in a cluster

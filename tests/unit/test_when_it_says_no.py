@@ -30,6 +30,7 @@ def test_there_is_an_entry_for_each_code() -> None:
     assert tuple(EXAMPLES) == WARNING_CODES, "each entry has an example"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", EXAMPLES)
 def test_the_example_gives_the_warning(
     code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
