@@ -40,6 +40,10 @@ _MIN_HEADER_BYTES, _HEADER_BYTES_1_4, _HEADER_BYTES_1_5 = 227, 375, 393
 _VLR_BYTES, _EVLR_BYTES = 54, 60
 _CHUNK_POINTS = 100_000
 _MAX_CHUNK_POINTS = 16_000_000
+_ITEMS_AT = 34
+"""Byte of the items in the record of LASzip: type, bytes and version of each."""
+_ITEM_BYTES = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
+"""Bytes by the type of the item; those of extra bytes are free."""
 _MAX_RECORD_BYTES = 1 << 20
 """Bytes of the records that are kept; real ones have some kilobytes."""
 _MAX_EXTENDED = 1000
@@ -216,7 +220,7 @@ def _iter_chunks(
     """Yield the points as laspy decodes them, with what the file says beside them if wanted."""
     laspy = import_library("laspy")
     with _translate_errors(), laspy.open(path, **_options(laspy)) as file:
-        _check_chunk_size(file.header)
+        _check_laszip(file.header)
         metadata = _read_metadata(file.header) if attributes else None
         crs = _crs_records(path, file.header)
         refuse_geographic(crs)
@@ -302,12 +306,25 @@ def _extended_records(path: Path) -> Iterator[LasRecord]:
             offset += _EVLR_BYTES + length
 
 
-def _check_chunk_size(header: object) -> None:
-    """Check the size of LAZ chunks: each is decoded at once."""
-    for record in getattr(header, "vlrs", ()):
+def _check_laszip(header: Any) -> None:
+    """Check how LAZ is compressed, which lazrs trusts.
+
+    Each chunk is decoded at once, and points of another size are written past the end of memory.
+    """
+    for record in header.vlrs:
         if type(record).__name__ == "LasZipVlr":
-            (size,) = struct.unpack_from("<I", record.record_data, 12)
+            data = record.record_data
+            (size,) = struct.unpack_from("<I", data, 12)
             if size not in (0, 0xFFFFFFFF) and size > _MAX_CHUNK_POINTS:
                 raise FileLimitError(
                     f"LAZ chunks of {size} points; the limit is {_MAX_CHUNK_POINTS}"
+                )
+            (count,) = struct.unpack_from("<H", data, _ITEMS_AT - 2)
+            items = [struct.unpack_from("<HH", data, _ITEMS_AT + 6 * i) for i in range(count)]
+            if any(_ITEM_BYTES.get(kind, bytes_) != bytes_ for kind, bytes_ in items) or (
+                sum(bytes_ for _, bytes_ in items) != header.point_format.size
+            ):
+                raise MalformedFileError(
+                    f"the LAZ record compresses items of {[bytes_ for _, bytes_ in items][:20]} "
+                    f"bytes; expected those of a point of {header.point_format.size} bytes"
                 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import lzma
 import struct
+import sys
 import tokenize
 import zipfile
 import zlib
@@ -194,7 +195,7 @@ def _read_header(file: IO[bytes], size: int, name: str, limits: ReadLimits) -> A
         )
     if dtype.itemsize == 0 or dtype.subdtype is not None:
         raise MalformedFileError(f"{name} has elements of type {str(dtype)[:40]}; expected numbers")
-    if any(type(length) is not int or length < 0 for length in shape):  # True is no length
+    if any(type(length) is not int or not 0 <= length <= sys.maxsize for length in shape):
         raise MalformedFileError(f"{name} has the invalid shape {shape}")
     count = prod(shape)
     offset, at = file.tell(), f"{name} of shape {shape}"
