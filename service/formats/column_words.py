@@ -53,7 +53,10 @@ QUALIFIERS = PLACE_WORDS | frozenset(
     )
 )
 """Words beside the names of surveyors: Ortho. Height, Grid Easting."""
-POLAR = {"range", "azimuth", "theta", "phi", "rho", "bearing", "inclination", "zenith", "distance"}
+POLAR = {
+    *("range", "azimuth", "theta", "phi", "rho", "bearing", "inclination", "zenith", "distance"),
+    *("angle", "quality"),
+}
 LATITUDES = {"lat", "latitude", "glat", "breite"}
 LONGITUDES = {"lon", "long", "lng", "longitude", "glon", "laenge", "länge"}
 COMMON = {

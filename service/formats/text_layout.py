@@ -259,7 +259,8 @@ def _warn_of_three(headers: Sequence[Header], delimiter: str | None) -> tuple[st
             if names.xyz or len(items) != 3 or any(not name or is_number(name) for name in items):
                 continue
             listed = ", ".join(items)[:80]
-            if are_other_quantities(items):
+            is_flat = [item.lower() for item in items[:2]] == ["x", "y"]
+            if are_other_quantities(items) or (is_flat and are_other_quantities(items[2:])):
                 raise MalformedFileError(
                     f"line {header.number}: the columns are called {listed!r}; expected the names "
                     "x, y and z: convert other coordinates"

@@ -92,6 +92,8 @@ REFUSED = {
     "ARFF": (("@relation a\n@attribute t real\n@data", "{i},{x},{y},{z}"), "ARFF"),
     "GRASS": (("north: 9\nsouth: 0\neast: 9\nwest: 0\nrows: 40", "{x} {y} {z} 1"), "GRASS"),
     "Fortran": (("x,y,z", "{x}D+00,{y}D+00,{z}D+00"), "Fortran"),
+    "two coordinates": (("x,y,intensity", "{x},{y},{z}"), "convert other coordinates"),
+    "a turning scanner": (("#ANGLE, DISTANCE, QUALITY", "{x} {y} {z}"), "convert other"),
     "TetGen": (("40 3 0 0", "{i} {x} {y} {z}"), "TetGen"),
 }
 
