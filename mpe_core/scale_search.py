@@ -201,8 +201,9 @@ def _name_cause(
                 f" the source in {guess.source} and the target in {guess.target}. Convert both to"
                 ' one unit, or set scale to "units"',
             )
-    trial = _search_mirrored(source, target, options, progress)
-    return MIRRORED if trial.best.evidence.accepted else None
+    mirrored = _search_mirrored(source, target, options, progress).best.evidence
+    explains_more = mirrored.on_surface_fraction > first.best.evidence.on_surface_fraction
+    return MIRRORED if mirrored.accepted and explains_more else None
 
 
 def _register_at(

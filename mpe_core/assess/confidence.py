@@ -31,23 +31,23 @@ class Model:
 
 
 MODEL = Model(
-    agreement=9.57,
-    small_coverage=0.52,
-    shape=6.82,
-    layers=6.68,
-    intercept=-12.51,
-    best=(0.81, 0.81, -1.76),
+    agreement=8.84,
+    small_coverage=1.78,
+    shape=6.21,
+    layers=4.17,
+    intercept=-11.59,
+    best=(0.69, 0.87, -1.79),
 )
 """Fitted to all families (docs/results/families.md); a wrong pose counts twice."""
 
 SEEN_MODEL = Model(
-    agreement=3.46,
-    small_coverage=3.02,
-    shape=7.02,
-    violation=23.97,
-    layers=15.11,
-    intercept=-5.77,
-    best=(1.05, 1.16, -3.39),
+    agreement=2.40,
+    small_coverage=3.28,
+    shape=6.39,
+    violation=23.41,
+    layers=8.70,
+    intercept=-4.64,
+    best=(1.11, 1.21, -2.93),
 )
 """The same where both viewpoints are known (docs/results/families.md)."""
 
@@ -61,6 +61,9 @@ NOISY_SEEN_MODEL = Model(
 
 MAX_CONTRAST = 6.0
 """Contrast from which on more says nothing; also that of a pose without any rival."""
+
+CONTRAST_OF_LEAD = 15.0
+"""Contrast that a lead of 1 stands for (docs/tuning.md)."""
 
 ENOUGH_COVERAGE, MIN_COVERAGE = 0.3, 0.01
 """Coverage from which on more says nothing, and its least value."""
@@ -101,7 +104,7 @@ class Evidence:
     """Score of the pose as seen from above over that of the best pose that was found, from 0 to 1;
     None where the clouds show no ground, or not the same at the pose."""
     contrast: float | None = None
-    """Score of the pose less that of the best different one; None where no other was compared."""
+    """What the pose has over the different ones; None where no other was compared."""
     explains_all: bool = False
     """Whether the pose alone explains every point of both clouds, beside others that nearly do."""
     degenerate_dof: int = 0

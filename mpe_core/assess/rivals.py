@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpe_core.assess.confidence import MAX_CONTRAST, MIN_COVERAGE, Evidence
+from mpe_core.assess.confidence import CONTRAST_OF_LEAD, MAX_CONTRAST, MIN_COVERAGE, Evidence
 from mpe_core.refine.minimum import Minimum
 from mpe_core.search.pose_search import are_close, distinct_rows
 
@@ -35,23 +35,27 @@ def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:
 
 
 def with_contrast(poses: list[ScoredPose]) -> list[ScoredPose]:
-    """Compare the score of each pose with that of the best different one.
+    """Compare each pose with the different ones.
 
-    Poses at which next to nothing meets are no rivals.
+    The contrast is the score less the best score of these. For the pose with the best score of all
+    it is at least what its lead stands for, its on-surface fraction less their largest one: noise
+    blurs shapes, and with them all scores. Poses at which next to nothing meets are no rivals.
     """
-    ordered = sorted(poses, key=lambda pose: pose.evidence.score, reverse=True)
-    best, *others = select_distinct(ordered)
-    distinct = [best, *(pose for pose in others if pose.evidence.coverage >= MIN_COVERAGE)]
-    second = distinct[1].evidence.score if len(distinct) > 1 else -np.inf
-    return [
-        replace(
-            pose,
-            evidence=replace(
-                pose.evidence, contrast=_contrast(pose, best, second), explains_all=False
-            ),
+    matrices = np.array([pose.minimum.T for pose in poses])
+    scores = np.array([pose.evidence.score for pose in poses])
+    on_surface = np.array([pose.evidence.on_surface_fraction for pose in poses])
+    meets = np.array([pose.evidence.coverage >= MIN_COVERAGE for pose in poses])
+    compared = []
+    for pose in poses:
+        rivals = meets & ~are_close(matrices, pose.minimum.T)
+        ahead = pose.evidence.score - scores[rivals].max(initial=-np.inf)
+        lead = pose.evidence.on_surface_fraction - on_surface[rivals].max(initial=0.0)
+        contrast = max(ahead, CONTRAST_OF_LEAD * lead) if ahead > 0 else ahead
+        evidence = replace(
+            pose.evidence, contrast=float(min(contrast, MAX_CONTRAST)), explains_all=False
         )
-        for pose in poses
-    ]
+        compared.append(replace(pose, evidence=evidence))
+    return compared
 
 
 def beside_only_complete(pose: ScoredPose, only: ScoredPose) -> ScoredPose:
@@ -59,13 +63,6 @@ def beside_only_complete(pose: ScoredPose, only: ScoredPose) -> ScoredPose:
     is_only = are_close(pose.minimum.T, only.minimum.T)
     marked = {"explains_all": True} if is_only else {"contrast": -MAX_CONTRAST}
     return replace(pose, evidence=replace(pose.evidence, **marked))
-
-
-def _contrast(pose: ScoredPose, best: ScoredPose, second: float) -> float:
-    """Score of the pose less that of the best pose, or of the second if it is that itself."""
-    is_best = are_close(pose.minimum.T, best.minimum.T)
-    rival = second if is_best else best.evidence.score
-    return float(min(pose.evidence.score - rival, MAX_CONTRAST))
 
 
 def select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:

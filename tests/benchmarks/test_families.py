@@ -35,7 +35,7 @@ def made_up(family, rng, *, is_told):
     if is_told:
         X[0, 2] = rng.uniform(0.6, 1)
     right = np.array([is_told, False, False, False])
-    return Poses(family, is_told, X, right, ~np.eye(4, dtype=bool))
+    return Poses(family, is_told, X, X[:, 0], right, ~np.eye(4, dtype=bool))
 
 
 def test_what_tells_right_from_wrong_in_other_families_tells_it_in_one_left_out():
