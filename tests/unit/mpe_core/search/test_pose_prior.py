@@ -163,13 +163,19 @@ def test_what_lies_beyond_an_end_of_the_target_says_nothing_against_a_pose(data)
 
 def test_a_coarser_voxel_evens_out_noise(data):
     model = bunny(data, "bun_zipper")
-    trial = moved(model, np.random.default_rng(0), largest_deg=180, noise=0.05)
-    usual = register(trial.source, trial.target)
-    coarse = register(trial.source, trial.target, RegistrationOptions(voxel_size=0.02))
-    assert coarse.confidence > usual.confidence
-    usual_error, coarse_error = (
-        rotation_error(each.T_target_source, trial.T_target_source) for each in (usual, coarse)
-    )
+    errors = []
+    for seed in range(2):
+        trial = moved(model, np.random.default_rng(seed), largest_deg=180, noise=0.05)
+        usual = register(trial.source, trial.target)
+        coarse = register(trial.source, trial.target, RegistrationOptions(voxel_size=0.02))
+        assert coarse.confidence > usual.confidence
+        errors.append(
+            [
+                rotation_error(each.T_target_source, trial.T_target_source)
+                for each in (usual, coarse)
+            ]
+        )
+    usual_error, coarse_error = np.mean(errors, axis=0)
     assert coarse_error < 0.5 * usual_error
 
 
