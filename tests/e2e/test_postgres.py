@@ -180,7 +180,7 @@ def test_it_goes_on_when_the_database_comes_back(postgres: Postgres, tmp_path: P
         with running_server(tmp_path, database_url=url, maintenance_interval_s=1) as server:
             first = submit_numbered(server, 1)
             assert finished(server.client, first)["status"] == "succeeded"
-            cloud = as_npy(arms(8, 30_000))
+            cloud = as_npy(arms(8, 100_000))
             running = server.submit(cloud, cloud).json()["id"]
             until(lambda: workers(server))
             own.stop()
