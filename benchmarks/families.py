@@ -25,14 +25,12 @@ from benchmarks.scenes import SCENES, viewpoint_options
 from benchmarks.worlds.pairs import WorldPair, foreign_pairs, world_pairs
 from mpe_core import RegistrationOptions
 from mpe_core.assess.confidence import (
-    CONTRAST_OF_LEAD,
     CONVINCING_LAYER_SUPPORT,
     ENOUGH_COVERAGE,
-    MAX_CONTRAST,
     MIN_COVERAGE,
     Evidence,
 )
-from mpe_core.assess.rivals import ScoredPose
+from mpe_core.assess.rivals import ScoredPose, contrast_with
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import inverse
 from mpe_core.pipeline import PosePipeline
@@ -138,19 +136,15 @@ def _rows(case: Case) -> Iterator[Result]:
         pair, clouds = prepare_pair(source, target, known)
         is_exchanged = np.divide(*pair.radii) >= MIN_EXCHANGE_RATIO
         moved, fixed = reversed(clouds) if is_exchanged else clouds
+        exchanged = inverse if is_exchanged else np.copy
         pipeline = PosePipeline(moved, fixed, PosePrior(), known, pair.size_ratio)
         if known is options:
-            truth = None if case.truth is None else pair.from_caller(case.truth)
-            if is_exchanged and truth is not None:
-                truth = inverse(truth)
-            poses = [pose.minimum.T for pose in _poses(pipeline, truth)]
-            found = [pair.to_caller(inverse(T) if is_exchanged else T) for T in poses]
+            truth = None if case.truth is None else exchanged(pair.from_caller(case.truth))
+            found = [pair.to_caller(exchanged(p.minimum.T)) for p in _poses(pipeline, truth)]
         right = [_is_right(case, T) for T in found]
         scored = []
         for T in found:
-            at = pair.from_caller(T)
-            if is_exchanged:
-                at = inverse(at)
+            at = exchanged(pair.from_caller(T))
             scored.append(ScoredPose(Minimum(at, True, 0), pipeline.scorer.score(at)))
         for pose, correct in zip(pipeline.compare(scored), right, strict=True):
             evidence = asdict(pose.evidence)
@@ -301,10 +295,7 @@ def fit(cases: Sequence[Poses]) -> Fit:
 
 def _of_best(poses: Poses, score: Array, row: int) -> Array:
     """(2,) score of the best pose, and its contrast."""
-    rivals = poses.apart[row]
-    ahead = score[row] - score[rivals].max(initial=-np.inf)
-    lead = poses.on_surface[row] - poses.on_surface[rivals].max(initial=0.0)
-    return np.array([score[row], min(max(ahead, CONTRAST_OF_LEAD * lead), MAX_CONTRAST)])
+    return np.array([score[row], contrast_with(poses.apart[row], row, score, poses.on_surface)])
 
 
 def _logistic(X: Array, right: NDArray[np.bool_], weight: Array, ridge: float) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import CONTRAST_OF_LEAD, MAX_CONTRAST, MIN_COVERAGE, Evidence
 from mpe_core.refine.minimum import Minimum
@@ -35,27 +36,44 @@ def select_distinct(ordered: list[ScoredPose]) -> list[ScoredPose]:
 
 
 def with_contrast(poses: list[ScoredPose]) -> list[ScoredPose]:
-    """Compare each pose with the different ones.
-
-    The contrast is the score less the best score of these. For the pose with the best score of all
-    it is at least what its lead stands for, its on-surface fraction less their largest one: noise
-    blurs shapes, and with them all scores. Poses at which next to nothing meets are no rivals.
-    """
+    """Compare each pose with the different ones; those at which nothing meets are no rivals."""
     matrices = np.array([pose.minimum.T for pose in poses])
     scores = np.array([pose.evidence.score for pose in poses])
     on_surface = np.array([pose.evidence.on_surface_fraction for pose in poses])
     meets = np.array([pose.evidence.coverage >= MIN_COVERAGE for pose in poses])
     compared = []
-    for pose in poses:
+    for row, pose in enumerate(poses):
         rivals = meets & ~are_close(matrices, pose.minimum.T)
-        ahead = pose.evidence.score - scores[rivals].max(initial=-np.inf)
-        lead = pose.evidence.on_surface_fraction - on_surface[rivals].max(initial=0.0)
-        contrast = max(ahead, CONTRAST_OF_LEAD * lead) if ahead > 0 else ahead
-        evidence = replace(
-            pose.evidence, contrast=float(min(contrast, MAX_CONTRAST)), explains_all=False
-        )
+        contrast = contrast_with(rivals, row, scores, on_surface)
+        evidence = replace(pose.evidence, contrast=contrast, explains_all=False)
         compared.append(replace(pose, evidence=evidence))
     return compared
+
+
+def contrast_with(
+    rivals: NDArray[np.bool_],
+    row: int,
+    scores: NDArray[np.float64],
+    on_surface: NDArray[np.float64],
+) -> float:
+    """Compute what a pose has over its rivals: its score less their best one.
+
+    Of a pose that scores better than all of them it is at least what its lead stands for, its
+    on-surface fraction less their largest one: noise blurs shapes, and with them all scores.
+
+    Parameters
+    ----------
+    rivals
+        (K,) which of the poses differ from it and count.
+    row
+        Which of the poses it is.
+    scores, on_surface
+        (K,) scores and on-surface fractions of the poses.
+    """
+    ahead = scores[row] - scores[rivals].max(initial=-np.inf)
+    lead = on_surface[row] - on_surface[rivals].max(initial=0.0)
+    contrast = max(ahead, CONTRAST_OF_LEAD * lead) if ahead > 0 else ahead
+    return float(min(contrast, MAX_CONTRAST))
 
 
 def beside_only_complete(pose: ScoredPose, only: ScoredPose) -> ScoredPose:

@@ -1,9 +1,12 @@
 """The scale is fixed, one of units, or free; a refusal names what would fit."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from mpe_core import InvalidOptionsError, RegistrationOptions, register
+from mpe_core import InvalidOptionsError, RegistrationOptions, register, scale_search
+from mpe_core.assess.confidence import Evidence
 from mpe_core.clouds.scan_order import infer_viewpoint
 from mpe_core.geometry.rigid import apply
 from tests.factories.checks import assert_pose_close
@@ -89,6 +92,22 @@ def test_mirrored_clouds_are_named():
     found = register(pair.source * [1, -1, 1], pair.target)
     assert not found.accepted
     assert any("mirror images" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize(("explained", "is_named"), [(0.1, False), (1.0, True)])
+def test_a_mirror_image_that_explains_less_is_no_cause(explained, is_named, monkeypatch):
+    other, pair = knot(4000, np.random.default_rng(8)) * [1, 2, 0.5], trial(3)
+    convincing = Evidence(
+        coverage=0.4,
+        on_surface_fraction=explained,
+        surface_agreement=1.0,
+        shape_correlation=0.9,
+    )
+    mirrored = SimpleNamespace(best=SimpleNamespace(evidence=convincing))
+    monkeypatch.setattr(scale_search, "_search_mirrored", lambda *_: mirrored)
+    found = register(other, pair.target)
+    assert not found.accepted
+    assert any("mirror images" in text for text in found.warnings) == is_named
 
 
 def test_an_accepted_pose_is_refused_where_the_mirror_image_fits_clearly_better(data):
