@@ -1,8 +1,9 @@
 """Registration of files far larger than the memory allowed: time, memory and error.
 
 ``python -m benchmarks.large [POINTS [KIND ...]]``: files of POINTS points (1e9 by default, a PLY of
-12 GB) against a PLY of a tenth of that, moved, in 2 GiB. Kinds: ply, las, laz, xyz, npy, vtk. The
-files lie in the folder of temporary files (TMPDIR), and are removed at the end.
+12 GB) against a PLY of a tenth of that, moved, in 2 GiB; the moved source is written as PLY and read
+again. Kinds: ply, las, laz, xyz, npy, vtk. The files lie in the folder of temporary files (TMPDIR),
+and are removed at the end.
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import laspy
 import numpy as np
 from numpy.typing import NDArray
+
+from service.formats import DecodedCloud, ReadLimits, read_pieces
 
 MEMORY_BYTES = 2 << 30
 BLOCK, REPEATED = 4_000_000, 6
@@ -35,18 +38,21 @@ def main() -> None:
         target = Path(folder) / "target.ply"
         write_ply(target, count // 10, seed=1, moved=True)
         for kind in kinds:
-            source = Path(folder) / f"source.{kind}"
+            source, moved = Path(folder) / f"source.{kind}", Path(folder) / "moved.ply"
             started = time.perf_counter()
             WRITERS[kind](source, count, seed=0)
             print(f"{kind}: {source.stat().st_size / 1e9:.2f} GB", end=", ")
             print(f"written in {time.perf_counter() - started:.0f} s", flush=True)
-            print(_register(source, target), flush=True)
+            print(_register(source, target, moved), flush=True)
             source.unlink()
+            print(f"  {_describe(moved, count)}", flush=True)
+            moved.unlink()
 
 
-def _register(source: Path, target: Path) -> str:
+def _register(source: Path, target: Path, moved: Path) -> str:
     """Register in a process whose address space is bounded; describe what it took."""
     command = [sys.executable, "-m", "service.cli", "align", str(source), str(target), "--json"]
+    command += ["-o", str(moved)]
     started = time.perf_counter()
     done = subprocess.run(
         command,
@@ -67,6 +73,18 @@ def _register(source: Path, target: Path) -> str:
         f"  {seconds:.0f} s, {peak:.2f} GiB at most, accepted {found['accepted']}, "
         f"off by {angle:.4f} degrees and {shift:.4f}\n  {done.stderr.strip()}"
     )
+
+
+def _describe(moved: Path, count: int) -> str:
+    """Tell how far the mean of the moved file is from that of the scene, turned."""
+    written = _sum_points(read_pieces(moved, ReadLimits(max_points=BLOCK)))
+    expected = _sum_points(DecodedCloud(points, "ply") for points in iter_scene(count, seed=0))
+    distance = np.linalg.norm(written / count - (R @ (expected / count) + SHIFT))
+    return f"moved file: {moved.stat().st_size / 1e9:.2f} GB, its mean off by {distance:.4f}"
+
+
+def _sum_points(pieces: Iterable[DecodedCloud]) -> NDArray[np.float64]:
+    return np.sum([piece.points.sum(axis=0, dtype=np.float64) for piece in pieces], axis=0)
 
 
 def iter_scene(count: int, seed: int, *, moved: bool = False) -> Iterator[NDArray[np.float32]]:
