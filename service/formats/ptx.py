@@ -13,7 +13,8 @@ from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count,
 from service.formats.errors import FileLimitError, MalformedFileError
 from service.formats.multi_scan import select_scans, to_viewpoint
 from service.formats.numerals import is_number
-from service.formats.text_table import TextBlock, iter_columns, skip_lines
+from service.formats.text_block import TextBlock, skip_lines
+from service.formats.text_table import iter_columns
 
 _HEADER_LINES = 10
 _COLUMNS = {4: ("intensity",), 7: ("intensity", "red", "green", "blue")}

@@ -19,20 +19,20 @@ from service.formats.errors import (
 )
 from service.formats.mesh.text import is_off_without_keyword, read_off
 from service.formats.numerals import is_number, significant_line, unquote
-from service.formats.text_encoding import decode_lines
-from service.formats.text_guesses import sample_rows
-from service.formats.text_layout import TextLayout, detect_layout
-from service.formats.text_table import (
+from service.formats.text_block import (
     CUT_WARNING,
-    Dialect,
-    TableCleaner,
     TextBlock,
     ends_with_newline,
-    read_block,
     read_head_lines,
     skip_lines,
     split_text,
 )
+from service.formats.text_cleaner import Dialect, TableCleaner
+from service.formats.text_detection import detect_layout
+from service.formats.text_encoding import decode_lines
+from service.formats.text_guesses import sample_rows
+from service.formats.text_layout import TextLayout
+from service.formats.text_table import read_block
 from service.formats.unnamed_columns import name_columns
 
 _NO_KEYWORD = "the text is read as OFF without its keyword: its rows are vertices and faces"

@@ -14,7 +14,9 @@ from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count,
 from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.faces import LARGE_MESH_WARNING
 from service.formats.memory_map import map_file
-from service.formats.text_table import Dialect, TextBlock, iter_columns, read_columns
+from service.formats.text_block import TextBlock
+from service.formats.text_cleaner import Dialect
+from service.formats.text_table import iter_columns, read_columns
 
 _HEADER_BYTES = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

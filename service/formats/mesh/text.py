@@ -20,14 +20,9 @@ from service.formats.mesh.text_faces import (
     read_off_faces,
 )
 from service.formats.numerals import significant_line
-from service.formats.text_table import (
-    Dialect,
-    TextBlock,
-    iter_columns,
-    read_columns,
-    read_head_lines,
-    skip_lines,
-)
+from service.formats.text_block import TextBlock, read_head_lines, skip_lines
+from service.formats.text_cleaner import Dialect
+from service.formats.text_table import iter_columns, read_columns
 
 _OBJ_KEYWORDS = {b"v", b"vn", b"vt", b"vp", b"o", b"g", b"s", b"f", b"l", b"mtllib", b"usemtl"}
 _OFF_WORD = re.compile(r"(?:(?:ST)?C?N?OFF|off)(\d{0,18})")

@@ -14,7 +14,8 @@ from service.formats.colors import RGB
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import CloudFileError
 from service.formats.faces import check_face_count, check_faces, triangulate
-from service.formats.text_table import Dialect, read_columns
+from service.formats.text_cleaner import Dialect
+from service.formats.text_table import read_columns
 
 _MAX_LINE_BYTES = 1 << 16
 

@@ -17,13 +17,8 @@ from service.formats.memory_map import map_file
 from service.formats.numerals import significant_line
 from service.formats.pcd.compressed import MAX_RATIO, Fields, iter_compressed, read_compressed
 from service.formats.pcd.header import PcdHeader, parse_header
-from service.formats.text_table import (
-    CUT_WARNING,
-    TextBlock,
-    ends_with_newline,
-    iter_columns,
-    read_columns,
-)
+from service.formats.text_block import CUT_WARNING, TextBlock, ends_with_newline
+from service.formats.text_table import iter_columns, read_columns
 
 _FIRST_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
 _MAX_ATTRIBUTES = 400

@@ -21,13 +21,8 @@ from service.formats.ply.faces import read_faces, skip_lines
 from service.formats.ply.header import PlyElement, PlyHeader, parse_header
 from service.formats.ply.rows import read_rows
 from service.formats.splat import WARNING as SPLAT_WARNING
-from service.formats.text_table import (
-    CUT_WARNING,
-    TextBlock,
-    ends_with_newline,
-    iter_columns,
-    read_columns,
-)
+from service.formats.text_block import CUT_WARNING, TextBlock, ends_with_newline
+from service.formats.text_table import iter_columns, read_columns
 
 MAGIC = b"ply"
 _XYZ = ("x", "y", "z")

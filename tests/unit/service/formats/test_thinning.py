@@ -18,7 +18,7 @@ from service.formats import (
     decoded_cloud,
     read_pieces,
     read_points,
-    text_table,
+    text_block,
     write_cloud,
 )
 from service.formats.thinning import thin_pieces
@@ -202,7 +202,7 @@ def test_a_large_file_is_thinned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.setattr(decoded_cloud, "PIECE_BYTES", 5000)
-    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 5000)
+    monkeypatch.setattr(text_block, "_BLOCK_BYTES", 5000)
     path = tmp_path / "cloud"
     if name in MAKERS:
         write_cloud(path, name, scene())
@@ -231,7 +231,7 @@ def test_columns_keep_the_names_of_the_first_piece(
 ) -> None:
     """Black points, or a normal that is none, at the end do not give other columns."""
     monkeypatch.setattr(decoded_cloud, "PIECE_BYTES", 5000)
-    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 5000)
+    monkeypatch.setattr(text_block, "_BLOCK_BYTES", 5000)
     colors = np.random.default_rng(1).integers(0, 256, (COUNT, 3))
     colors[COUNT // 2 :] = 0
     colors[-1] = 300
@@ -259,7 +259,7 @@ def test_corners_of_a_large_stl_are_thinned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
     monkeypatch.setattr(decoded_cloud, "PIECE_BYTES", 5000)
-    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 5000)
+    monkeypatch.setattr(text_block, "_BLOCK_BYTES", 5000)
     triangles = scene().points[: COUNT // 3 * 3].reshape(-1, 3, 3).astype(np.float32)
     facets = "".join(
         "facet normal 0 0 1\nouter loop\n"
@@ -290,7 +290,7 @@ def test_faces_that_the_memory_does_not_hold_are_left_out(tmp_path: Path) -> Non
 def test_errors_of_later_pieces_name_their_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(text_table, "_BLOCK_BYTES", 1000)
+    monkeypatch.setattr(text_block, "_BLOCK_BYTES", 1000)
     lines = [f"{i} {i * i % 7} 1.5" for i in range(2000)]
     lines[1500] = "1 2 what"
     (tmp_path / "cloud").write_text("\n".join(lines) + "\n")
