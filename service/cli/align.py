@@ -32,7 +32,7 @@ from service.formats import (
     read_crs,
     read_pieces,
 )
-from service.formats.foreign import foreign_by_name
+from service.formats.foreign_suffixes import foreign_by_name
 from service.formats.surface import read_surface
 from service.schemas import Reading
 

@@ -20,7 +20,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     short_reason,
 )
-from service.formats.foreign import foreign_by_name
+from service.formats.foreign_suffixes import foreign_by_name
 
 GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
 _BLOCK_BYTES = 1 << 20

@@ -1,4 +1,4 @@
-"""Names of well-known formats that are not read, for error messages."""
+"""Recognition of well-known formats that are not read, for error messages."""
 
 from __future__ import annotations
 
@@ -6,135 +6,33 @@ import re
 from collections.abc import Callable
 
 from service.formats.column_names import find_xyz
+from service.formats.foreign_beginnings import foreign_beginning
 from service.formats.numerals import is_number, significant_line
 
-_EXPORT = "export it as PLY, PCD, LAS or E57"
-_UNPACK = "send the file uncompressed, in gzip or zip"
-_SAVE_NPY = "save the points as .npy, since pickles are never loaded"
-_MAGICS: tuple[tuple[tuple[bytes, ...], str, str], ...] = (
-    ((b"ISO-10303-21",), "STEP", "export its surface as STL"),
-    ((b"version https://git-lfs",), "Git LFS pointer", "fetch the file with: git lfs pull"),
-    ((b"SQLite format 3\0",), "SQLite", _EXPORT),
-    ((b"#ROSBAG V",), "ROS bag", "export its scans as PCD"),
-    ((b"\x89MCAP0\r\n",), "MCAP", "export its scans as PCD"),
-    ((b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\n\r\r\n"), "packet capture", _EXPORT),
-    ((b"Kaydara FBX Binary",), "FBX", "export it as OBJ or glTF"),
-    ((b"BLENDER",), "Blender", "export it as PLY, OBJ or glTF"),
-    ((b"II*\0", b"MM\0*"), "TIFF", "convert the raster to lines of x y z"),
-    ((b"\x89PNG", b"\xff\xd8\xff", b"GIF8"), "image", "send a point cloud"),
-    ((b"%PDF",), "PDF", "send a point cloud"),
-    ((b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",), "Microsoft Office", "save the sheet as CSV"),
-    ((b"#VRML", b"#X3D"), "VRML", "export it as PLY, OBJ or glTF"),
-    ((b"AC10",), "DWG", "export its points as LAS or its surfaces as STL"),
-    ((b"#usda", b"PXR-USDC"), "USD", "export it as glTF, OBJ or PLY"),
-    (
-        (b"# Image list with two lines", b"# Camera list with one line"),
-        "COLMAP's list of images or cameras",
-        "send its points3D.bin or points3D.txt",
-    ),
-    ((b"# Bundle file",), "Bundler", "export its points as PLY"),
-    ((b"NVM_V3",), "VisualSFM", "export its points as PLY"),
-    ((b"DSAA", b"DSBB", b"DSRB"), "Surfer grid", "convert it to lines of x y z"),
-    ((b"GOCAD ",), "GOCAD", "export its points as lines of x y z"),
-    ((b"$MeshFormat",), "Gmsh", "export it as PLY, STL or VTK"),
-    ((b"*Heading", b"*HEADING", b"*Node", b"*NODE"), "Abaqus", "export its surface as STL"),
-    ((b"VERTEX_SE", b"EDGE_SE"), "g2o, a graph of poses", "send a cloud of points"),
-    ((b"MeshVersionFormatted",), "Medit", "export it as PLY, STL or VTK"),
-    ((b"BEGIN BULK", b"GRID,", b"GRID  ", b"SOL "), "Nastran", "export its surface as STL"),
-    ((b"ATOM  ", b"HEADER    ", b"HETATM"), "PDB, a molecule", "send a point cloud"),
-    ((b"RIFF", b"OggS", b"ID3"), "sound or video", "send a point cloud"),
-    ((b"7z\xbc\xaf", b"Rar!", b"\x28\xb5\x2f\xfd", b"\xfd7zXZ", b"BZh"), "archive", _UNPACK),
-    ((b"PK\x05\x06",), "empty zip archive", "put one cloud file into it"),
-    ((b"3D Geometry File Format",), "Rhino", "export it as PLY, OBJ or E57"),
-    ((b"CDF\x01", b"CDF\x02", b"CDF\x05"), "NetCDF", "save the points as .npy or HDF5"),
-    ((b"pnts", b"b3dm", b"i3dm", b"cmpt"), "3D Tiles", _EXPORT),
-    ((b"PAR1", b"ARROW1"), "Parquet or Arrow", "save the table as CSV or .npy"),
-    ((b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"), "Python pickle", _SAVE_NPY),
-)
-"""Beginnings of files, the name of the format, and what to do."""
-_BY_SUFFIX = {
-    (".fls", ".fws", ".lsproj"): ("FARO", "export E57 in FARO Scene"),
-    (".rcp", ".rcs"): ("Autodesk ReCap", "export E57 in ReCap"),
-    (".rxp", ".rdb", ".rdbx"): ("RIEGL", "export LAS or E57 in RiSCAN"),
-    (".zfs", ".zfprj"): ("Zoller+Froehlich", "export E57 in LaserControl"),
-    (".lgs", ".lgsx", ".imp"): ("Leica Cyclone", "export E57 or PTX in Cyclone"),
-    (".dwg", ".dxf"): ("AutoCAD", "export its points as LAS or its surfaces as STL"),
-    (".usdz", ".usd"): ("USD", "export it as glTF, OBJ or PLY"),
-    (".step", ".stp", ".iges", ".igs"): ("CAD", "export its surface as STL"),
-    (".bag", ".db3", ".mcap"): ("ROS", "export its scans as PCD"),
-    (".pcap", ".pcapng"): ("a packet capture", _EXPORT),
-    (".lvx", ".ksplat"): ("an older Livox or splat file", _EXPORT),
-    (".cl3", ".clr", ".tzf"): ("Topcon or Trimble", "export it as E57"),
-}
-"""Formats without a public description, by the ends of their names: the maker, and what to do."""
 _ODD_OFF = re.compile(rb"(?:ST)?C?N?(?:4|4?n)OFF")
 _ATOM = re.compile(rb"[A-Z][a-z]?")
 _MAX_ATOMIC_NUMBER = 118
-_GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
-    (
-        re.compile(rb"[\[({]\s*[+-]?[\d.]"),
-        "rows in brackets: write one point a line, x y z, without them, or save the array as .npy",
-    ),
-    (
-        re.compile(rb"\{|\[\s*[\[{]"),
-        "JSON, which is not read: write one point a line, x y z, or save the array as .npy",
-    ),
-    (
-        re.compile(rb"<(?:!doctype html|html)", re.IGNORECASE),
-        "HTML, a page of the web: send a point cloud",
-    ),
-    (re.compile(rb"<"), f"XML of another kind, which is not read: {_EXPORT}"),
-    (
-        re.compile(rb"(?:[^\n]{0,200}\n){0,3}[^\n]{0,200}\d[dD][+-]\d"),
-        "numbers of Fortran, as 1.5D+02: write E in place of D",
-    ),
-    (
-        re.compile(rb"(?:[^\n]{0,200}\n){0,3}[^\n]{0,200}\d\.\d{3}\.\d{3}"),
-        "numbers with a sign between thousands, as 1.234.567: write 1234567",
-    ),
-    (
-        re.compile(rb"(?:[^\n]{0,200}\n){0,3}[^\n]{0,200}(?:\d'\d{3}\b|\"\d{1,3}(?:,\d{3})+\.\d)"),
-        "numbers with a sign between thousands, as 1'234'567 or 1,234,567.8: write 1234567.8",
-    ),
-    (
-        re.compile(rb"(?:[^\n]{0,200}\n)?[^\n]{0,200}\b(?:MULTI)?POINT ?Z? ?\(", re.IGNORECASE),
-        "geometry as WKT: export the coordinates as columns x, y and z",
-    ),
-    (
-        re.compile(rb"[^\n]{0,200}\d\.\d{1,9}[+-]\d{1,9}\."),
-        "numbers that touch, as -1.5-2.5: separate them by blanks or commas",
-    ),
-    (
-        re.compile(rb"\s*[-+\d.eE]{1,30}[ \t,;]{1,9}[-+\d.eE]{1,30}[ \t]*\r?\n"),
-        "rows of two numbers: expected three, x, y and z",
-    ),
+_NETPBM = re.compile(
+    rb"P[1-7][ \t]{0,9}\r?\n(?:#[^\n]{0,200}\n){0,9}(?:[ \t]{0,9}\d{1,6}\s{1,9}\d|WIDTH)"
+    rb"|P[4-6]\s{1,9}\d{1,6}\s{1,9}\d{1,6}\s{1,9}\d{1,6}\s[^\n]{0,400}?[\0-\x08]"
+    rb"|P[fF]\s{1,9}\d{1,6}\s{1,9}\d{1,6}\s{1,9}-?\d"
 )
-"""Beginnings of text that no reader takes, in the order in which they are tried."""
+"""Portable maps of bits, of grey, of pixels and of floats: the letter alone is a point's label."""
+_G_CODE = re.compile(
+    rb"^(?:N\d{1,9} ?)?G0?[0-3] ?(?:[EF]\d{1,9}(?:\.\d{0,9})? ?)?[XYZ]-?\.?\d", re.MULTILINE
+)
+_UNIVERSAL = re.compile(rb" {0,9}-1 *\r?\n {1,9}\d{1,4} *\r?\n")
+_GSI = re.compile(rb"\*?11\d{4}[+-]\w{8,16} [^\n]{0,200}\b(?:[283][1-7])[.\d]{4}[+-]\d")
+_HEAD_BYTES = 4000
+_CHECKSUM = slice(148, 156)
+"""Bytes of a tar archive's header that hold the sum of the others, in octal."""
+_TAR_HEADER_BYTES = 512
+_3DS_CHUNKS = (b"\x02\0", b"==")
 
 
 def foreign_format(head: bytes) -> str | None:
     """Describe a file of a well-known format that is not read, and what to do; else None."""
-    for magics, name, advice in _MAGICS:
-        if head.startswith(magics):
-            return f"{name} ({head[:8]!r}), which is not read: {advice}"
-    return next((text for check, text in _CHECKS if check(head)), None)
-
-
-def foreign_by_name(name: str) -> str | None:
-    """Describe a file of a well-known format that is not read, by its name; else None."""
-    for suffixes, (maker, advice) in _BY_SUFFIX.items():
-        if name.lower().endswith(suffixes):
-            return f"{name[-40:]!r} looks like a file of {maker}, which is not read: {advice}"
-    return None
-
-
-def guess_foreign(head: bytes) -> str | None:
-    """Describe what no reader takes, by its first characters; else None."""
-    start = head.lstrip()
-    for pattern, text in _GUESSES:
-        if pattern.match(start):
-            return text
-    return None
+    return foreign_beginning(head) or next((text for check, text in _CHECKS if check(head)), None)
 
 
 def _is_riegl(head: bytes) -> bool:
@@ -157,7 +55,39 @@ def _is_grass_grid(head: bytes) -> bool:
 
 
 def _is_tar(head: bytes) -> bool:
-    return head[257:262] == b"ustar"
+    """Whether it is a tar archive, of old ones too, which have no other mark than their sum."""
+    header, digits = head[:_TAR_HEADER_BYTES], head[_CHECKSUM].strip(b" \0")
+    if header[257:262] == b"ustar":
+        return True
+    if len(header) < _TAR_HEADER_BYTES or not re.fullmatch(rb"[0-7]{3,7}", digits):
+        return False
+    return sum(header) - sum(header[_CHECKSUM]) + 8 * ord(" ") == int(digits, 8)
+
+
+def _is_picture(head: bytes) -> bool:
+    """Whether it is a bitmap of Windows, or a picture or video in boxes of MPEG-4."""
+    is_bitmap = head.startswith(b"BM") and head[6:10] == bytes(4)
+    return is_bitmap or head[4:8] == b"ftyp" or _NETPBM.match(head) is not None
+
+
+def _is_volume(head: bytes) -> bool:
+    return head[128:132] == b"DICM" or head[344:348] in (b"n+1\0", b"ni1\0")
+
+
+def _is_3ds(head: bytes) -> bool:
+    return head.startswith(b"MM") and head[6:8] in _3DS_CHUNKS and b"\0" in head[:16]
+
+
+def _is_g_code(head: bytes) -> bool:
+    return _G_CODE.search(head[:_HEAD_BYTES]) is not None
+
+
+def _is_universal(head: bytes) -> bool:
+    return _UNIVERSAL.match(head) is not None
+
+
+def _is_gsi(head: bytes) -> bool:
+    return _GSI.match(head) is not None
 
 
 def _is_collada(head: bytes) -> bool:
@@ -241,6 +171,16 @@ _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (_is_arff, "ARFF of Weka, which is not read: save the table as CSV with a line of names"),
     (_is_grass_grid, "a GRASS ASCII grid, which is not read: convert it to lines of x y z"),
     (_is_tar, "a tar archive, which is not read: send one file, as it is, in gzip or in zip"),
+    (
+        _is_picture,
+        "a picture, which is not read: turn each pixel's depth into a point x y z by the camera's "
+        "intrinsics",
+    ),
+    (_is_volume, "a volume of medical images, which is not read: export its surface as STL"),
+    (_is_3ds, "3DS, which is not read: export it as OBJ or PLY"),
+    (_is_g_code, "G-code, which is not read: export the part as STL"),
+    (_is_universal, "a universal file of FEM, which is not read: export its surface as STL"),
+    (_is_gsi, "GSI of Leica, which is not read: export lines of number, easting, northing, height"),
     (_is_dxf, "DXF, which is not read: export its points as LAS or its surfaces as STL"),
     (_is_collada, "COLLADA, which is not read: export it as PLY or OBJ"),
     (_is_iges, "IGES, which is not read: export its surface as STL"),

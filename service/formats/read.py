@@ -20,7 +20,8 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.foreign import foreign_format, guess_foreign
+from service.formats.foreign import foreign_format
+from service.formats.foreign_guesses import guess_foreign
 from service.formats.kitti import are_float_rows
 from service.formats.las_metadata import LasRecord
 from service.formats.numerals import significant_line

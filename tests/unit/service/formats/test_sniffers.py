@@ -129,40 +129,6 @@ def test_rounding_noise_does_not_hide_an_stl(tmp_path: Path, name: bytes) -> Non
     assert decode(tmp_path, bytes(content)).format == "stl"
 
 
-FOREIGN = {
-    "DWG": b"AC1027" + bytes(200),
-    "USD": b"#usda 1.0" + bytes(20),
-    "STEP": b"ISO-10303-21;\nHEADER;\n",
-    "git lfs pull": b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"a" * 64,
-    "RIEGL": b"\x10\0\0\0\0\0\0\x0bRieglLMS" + bytes(200),
-    "ESRI": b"ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3\n4 5 6\n",
-    "molecule": b"3\nwater\nO 0.0 0.0 0.1\nH 0.0 0.7 -0.4\nH 0.0 -0.7 -0.4\n",
-    "MATLAB": b"x=[ 1 2 3\n4 5 6\n];\n",
-    "molecule ": b"3\nwater\n8 0.0 0.0 0.1\n1 0.0 0.7 -0.4\n1 0.0 -0.7 -0.4\n",
-    "COLMAP's list of images": b"# Image list with two lines of data\n1 1 0 0 0 1 2 3 1 a\n",
-    "Bundler": b"# Bundle file v0.3\n1 2\n500 0 0\n1 0 0\n0 1 0\n",
-    "Surfer grid": b"DSAA\n4 3\n0 1\n0 1\n0 5\n1 2 3 4\n1 2 3 4\n",
-    "DXF": b"999\nby hand\n0\nSECTION\n2\nHEADER\n",
-    "rows in brackets": b"[1.5, 2, 3]\n[4, 5, 6]\n",
-    "JSON": b'{"points": [[1, 2, 3]]}',
-    "HTML": b"\n<!doctype HTML><html>",
-    "XML": b'<?xml version="1.0"?><Error><Code>AccessDenied</Code></Error>',
-    "Fortran": b"1.5D+02 2.5D+00 3D+00\n",
-    "thousands": b"x;y;z\n1.234.567,5;2;3\n",
-    "Python pickle": b"\x80\x04\x95" + bytes(9),
-    "tar archive": b"a.ply".ljust(257, b"\0") + b"ustar\x0000",
-    "NetCDF": b"CDF\x01" + bytes(20),
-    "COLLADA": b'<?xml version="1.0"?>\n<COLLADA>\n',
-}
-
-
-@pytest.mark.parametrize("name", FOREIGN)
-def test_foreign_files_are_named(tmp_path: Path, name: str) -> None:
-    assert sniff(FOREIGN[name]) is None
-    with pytest.raises(UnknownFormatError, match=name.strip()):
-        decode(tmp_path, FOREIGN[name])
-
-
 def test_rows_of_floats_are_told_to_be_declared(tmp_path: Path) -> None:
     with pytest.raises(UnknownFormatError, match=r"float32: declare the format 'kitti'"):
         decode(tmp_path, kitti())
