@@ -1,9 +1,9 @@
 """Registration of files far larger than the memory allowed: time, memory and error.
 
 ``python -m benchmarks.large [POINTS [KIND ...]]``: files of POINTS points (1e9 by default, a PLY of
-12 GB) against a PLY of a tenth of that, moved, in 2 GiB; the moved source is written as PLY and read
-again. Kinds: ply, las, laz, xyz, npy, vtk. The files lie in the folder of temporary files (TMPDIR),
-and are removed at the end.
+12 GB) against a PLY of a tenth of that, moved, in 2 GiB; the moved source is written as PLY, and
+read again. Kinds: ply, las, laz, xyz, npy, vtk. The files lie in the folder of temporary files
+(TMPDIR), and are removed at the end.
 """
 
 from __future__ import annotations

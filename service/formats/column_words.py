@@ -67,3 +67,10 @@ COMMON = {
     *("alt", "altitude", "height", "z", "shotnumber", "velocity", "snr", "doppler", "weight"),
 }
 """Names of columns that are no coordinates of their own."""
+POINT_NAMES = (
+    *("points", "xyz", "pcd", "positions", "vertices", "coords", "coord", "coordinates", "pc"),
+    *("pos", "position", "point", "point_cloud", "pointcloud", "cloud", "data", "arr_0"),
+)
+"""Names of arrays of points, in order of preference."""
+NORMAL_NAMES = ("normal", "normals", "nxyz")
+"""Names of fields of the three components of a normal."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from service.formats.colors import RGB
 from service.formats.column_names import find_normals, find_xyz
+from service.formats.column_words import POINT_NAMES
 from service.formats.decoded_cloud import DecodedCloud
 from service.formats.errors import (
     MalformedFileError,
@@ -21,11 +22,6 @@ from service.formats.errors import (
 from service.formats.unnamed_columns import name_columns
 
 Array = NDArray[np.generic]
-_POINT_ARRAYS = (
-    *("points", "xyz", "pcd", "positions", "vertices", "coords", "coord", "coordinates", "pc"),
-    *("pos", "position", "point", "point_cloud", "pointcloud", "cloud", "data", "arr_0"),
-)
-"""Names of the array of points, in order of preference."""
 _COLOR_ARRAYS = ("color", "colors", "colour", "colours", "rgb")
 _MAX_ARRAYS = 64
 """Arrays beside the points that are kept."""
@@ -106,7 +102,7 @@ def find_axis_arrays(names: Iterable[str]) -> tuple[str, ...] | None:
     """Return the arrays x, y and z, where no array is that of the points."""
     names = list(names)
     bare = [_last_part(name) for name in names]
-    if set(bare) & {*_POINT_ARRAYS} or (places := find_xyz(bare)) is None:
+    if set(bare) & {*POINT_NAMES} or (places := find_xyz(bare)) is None:
         return None
     return tuple(names[place] for place in places)
 
@@ -124,7 +120,7 @@ def _join_axes(
         return np.stack(columns, axis=1)
 
     others = {name: read for name, read in arrays.items() if name not in axes}
-    return {_POINT_ARRAYS[0]: join} | others
+    return {POINT_NAMES[0]: join} | others
 
 
 def choose_array(names: Iterable[str], wanted: str | None = None) -> str:
@@ -136,14 +132,14 @@ def choose_array(names: Iterable[str], wanted: str | None = None) -> str:
         No name, or several, are those of points; the message lists the names.
     """
     names = list(names)
-    for name in (wanted,) if wanted is not None else _POINT_ARRAYS:
+    for name in (wanted,) if wanted is not None else POINT_NAMES:
         found = [item for item in names if _last_part(item) == _last_part(name)]
         if name in names or len(found) == 1:
             return name if name in names else found[0]
     if len(names) == 1 and wanted is None:
         return names[0]
     listed = ", ".join(repr(name[:60]) for name in names[:_MAX_LISTED])
-    expected = f"one called {', '.join(_POINT_ARRAYS)}; else name it by 'array'"
+    expected = f"one called {', '.join(POINT_NAMES)}; else name it by 'array'"
     if wanted is not None:
         expected = f"one called {wanted[:60]!r}, as 'array' says"
     raise MalformedFileError(
@@ -173,7 +169,7 @@ def extra_fields(array: NDArray[np.generic]) -> dict[str, NDArray[np.generic] | 
 def _find_vector(dtype: np.dtype[Any]) -> str | None:
     """Return the field of three numbers that is called points, xyz, position, ...; else None."""
     shapes = {name: dtype[name].shape for name in dtype.names or ()}
-    return next((name for name in _POINT_ARRAYS if shapes.get(name) == (3,)), None)
+    return next((name for name in POINT_NAMES if shapes.get(name) == (3,)), None)
 
 
 def with_attribute(

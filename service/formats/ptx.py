@@ -14,6 +14,7 @@ from service.formats.errors import FileLimitError, MalformedFileError
 from service.formats.multi_scan import select_scans, to_viewpoint
 from service.formats.numerals import is_number
 from service.formats.text_block import TextBlock, skip_lines
+from service.formats.text_cleaner import PLAIN, TableCleaner
 from service.formats.text_table import iter_columns
 
 _HEADER_LINES = 10
@@ -100,11 +101,14 @@ def read_pieces(
         columns = range(3 + len(names))
         count = item.header.count
         block = TextBlock(path, item.offset, item.end, item.line)
-        for table in iter_columns(block, columns, limits, rows=count):
+        cleaner = TableCleaner(PLAIN, columns)
+        for table in iter_columns(block, columns, limits, rows=count, cleaner=cleaner):
             points = _transform(table[:, :3], item.header.matrix)
             kept = {name: _to_own_type(name, table[:, 3 + i]) for i, name in enumerate(names)}
             yield DecodedCloud(points, "ptx", attributes=kept)
+        warnings += cleaner.warnings()
     viewpoint = to_viewpoint(chosen[0].header.matrix.T) if len(chosen) == 1 else None
+    warnings = tuple(dict.fromkeys(warnings))
     yield DecodedCloud(np.empty((0, 3)), "ptx", warnings, viewpoint=viewpoint)
 
 

@@ -71,7 +71,7 @@ FORMATS = (
         "ply",
         "Stanford PLY: ASCII, binary of both byte orders; the vertices, or the surface of a mesh",
         (".ply",),
-        _starts_with(b"ply\n", b"ply\r\n", b"ply\r", b"ply "),
+        ply.sniff,
         ply.read,
         ("faces", "attributes"),
         read_pieces=ply.read_pieces,

@@ -45,8 +45,6 @@ class TableCleaner:
 
     dialect: Dialect
     columns: Sequence[int]
-    accepts_commas: bool = True
-    """Whether numbers may have decimal commas."""
     counts: list[int] = field(default_factory=list)
     """Rows announced by lines of one whole number."""
     headers: frozenset[str] = frozenset()
@@ -107,8 +105,6 @@ class TableCleaner:
         self.has_points |= any("." in item for item in cleaned)
         if not any("," in item for item in cleaned):
             return cleaned
-        if not self.accepts_commas:
-            return ["not a number" if "," in item else item for item in cleaned]
         self.has_commas = True
         return [item.replace(",", ".") for item in cleaned]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +15,8 @@ _MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _UTF8_MARK = b"\xef\xbb\xbf"
 _TYPESET = {"\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2212": "-"}
 """Blanks and minus signs of word processors, and what is meant."""
+_CONTROL = re.compile(rb"[\0-\x08\x0e-\x19\x1b\x7f]")
+"""Bytes that are in no text: those of numbers look like CR too."""
 _BLOCK_CHARACTERS = 1 << 20
 _MIN_SHARE = 0.9
 """Share of zero bytes at every other place from which on text without a mark is UTF-16."""
@@ -91,8 +94,16 @@ def _is_typeset(head: bytes) -> bool:
     return "\ufffd" not in head.decode("utf8", errors="replace")[:-1]
 
 
+def find_line_end(head: bytes) -> bytes:
+    """Return what ends the first line: LF, alone or after CR, or CR alone."""
+    end = head.find(b"\r")
+    is_alone = 0 <= end < len(head) - 1 and head[end + 1 : end + 2] != b"\n"
+    return b"\r" if is_alone and b"\n" not in head[:end] else b"\n"
+
+
 def _has_cr_alone(head: bytes) -> bool:
-    return b"\n" not in head and b"\0" not in head and b"\r" in head.rstrip(b"\r")
+    is_text = not _CONTROL.search(head)
+    return b"\n" not in head and is_text and b"\r" in head.rstrip(b"\r")
 
 
 def _find_encoding(head: bytes) -> str | None:

@@ -58,8 +58,8 @@ def read_columns(
     dialect
         How the numbers are written.
     cleaner
-        Rewrites unusual lines; used only where the plain parser fails, because it is slower. None:
-        comments are removed and words for missing values are read.
+        Rewrites unusual lines, and knows what was unusual; used only where the plain parser fails,
+        because it is slower.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def read_columns(
     FileLimitError
         A line is too long, or there are too many.
     """
-    cleaner = cleaner or TableCleaner(dialect, columns, accepts_commas=False)
+    cleaner = cleaner or TableCleaner(dialect, columns)
     block = TextBlock(path, offset, path.stat().st_size, first_line)
     table = read_block(block, columns, limits, rows=rows, dialect=dialect, cleaner=cleaner)
     if rows is not None and len(table) < rows:
@@ -90,6 +90,7 @@ def iter_columns(
     *,
     rows: int | None = None,
     dialect: Dialect = PLAIN,
+    cleaner: TableCleaner | None = None,
 ) -> Iterator[NDArray[np.float64]]:
     """Parse as `read_columns` does, in consecutive pieces.
 
@@ -98,7 +99,7 @@ def iter_columns(
     CloudFileError
         As `read_columns`.
     """
-    cleaner = TableCleaner(dialect, columns, accepts_commas=False)
+    cleaner = cleaner or TableCleaner(dialect, columns)
     got = 0
     for block in split_text(text, limits):
         left = None if rows is None else rows - got

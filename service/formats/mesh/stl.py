@@ -15,7 +15,7 @@ from service.formats.errors import MalformedFileError, TruncatedFileError
 from service.formats.faces import LARGE_MESH_WARNING
 from service.formats.memory_map import map_file
 from service.formats.text_block import TextBlock
-from service.formats.text_cleaner import Dialect
+from service.formats.text_cleaner import Dialect, TableCleaner
 from service.formats.text_table import iter_columns, read_columns
 
 _HEADER_BYTES = 84
@@ -58,8 +58,12 @@ def read(
     CloudFileError
         The file is damaged; the message names the line or byte.
     """
+    warnings: tuple[str, ...] = ()
     if keyword := _find_keyword(path):
-        corners = read_columns(path, 0, 1, _XYZ, limits, dialect=Dialect(keyword=keyword))
+        dialect = Dialect(keyword=keyword)
+        cleaner = TableCleaner(dialect, _XYZ)
+        corners = read_columns(path, 0, 1, _XYZ, limits, dialect=dialect, cleaner=cleaner)
+        warnings = cleaner.warnings()
     else:
         count = _count_triangles(path, limits)
         corners = _read_triangles(path, range(count))
@@ -67,21 +71,24 @@ def read(
         where = f"lines begin with {keyword!r}" if keyword else "corners"
         raise MalformedFileError(f"{len(corners)} {where}; expected three for each triangle")
     points, places = _merge_equal(corners)
-    return DecodedCloud(points, "stl", faces=places.reshape(-1, 3) if faces else None)
+    return DecodedCloud(points, "stl", warnings, faces=places.reshape(-1, 3) if faces else None)
 
 
 def read_pieces(
     path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> Iterator[DecodedCloud]:
     """Read in consecutive pieces; equal corners are not merged, and `faces` are not kept."""
+    warnings: tuple[str, ...] = (LARGE_MESH_WARNING,) if faces else ()
     if keyword := _find_keyword(path):
-        text = TextBlock(path, 0, path.stat().st_size, 1)
-        for corners in iter_columns(text, _XYZ, limits, dialect=Dialect(keyword=keyword)):
+        text, dialect = TextBlock(path, 0, path.stat().st_size, 1), Dialect(keyword=keyword)
+        cleaner = TableCleaner(dialect, _XYZ)
+        for corners in iter_columns(text, _XYZ, limits, dialect=dialect, cleaner=cleaner):
             yield DecodedCloud(corners, "stl")
+        warnings = cleaner.warnings() + warnings
     else:
         for triangles in iter_ranges(_count_triangles(path, limits), _TRIANGLE.itemsize):
             yield DecodedCloud(_read_triangles(path, triangles), "stl")
-    yield DecodedCloud(np.empty((0, 3)), "stl", (LARGE_MESH_WARNING,) if faces else ())
+    yield DecodedCloud(np.empty((0, 3)), "stl", warnings)
 
 
 def _is_ascii(head: bytes) -> bool:

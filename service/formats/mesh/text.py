@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from service.formats.announced_rows import AnnouncedRows
 from service.formats.colors import RGB
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count
 from service.formats.errors import MalformedFileError
@@ -21,10 +22,11 @@ from service.formats.mesh.text_faces import (
 )
 from service.formats.numerals import significant_line
 from service.formats.text_block import TextBlock, read_head_lines, skip_lines
-from service.formats.text_cleaner import Dialect
+from service.formats.text_cleaner import Dialect, TableCleaner
 from service.formats.text_table import iter_columns, read_columns
 
 _OBJ_KEYWORDS = {b"v", b"vn", b"vt", b"vp", b"o", b"g", b"s", b"f", b"l", b"mtllib", b"usemtl"}
+_VERTICES = Dialect(keyword="v")
 _OFF_WORD = re.compile(r"(?:(?:ST)?C?N?OFF|off)(\d{0,18})")
 """Keyword of OFF, in some files joined to the number of vertices."""
 
@@ -64,15 +66,16 @@ def read_obj(
     CloudFileError
         The file is malformed; the message names the line.
     """
-    points = read_columns(path, 0, 1, (1, 2, 3), limits, dialect=Dialect(keyword="v"))
+    cleaner = TableCleaner(_VERTICES, (1, 2, 3))
+    points = read_columns(path, 0, 1, (1, 2, 3), limits, dialect=_VERTICES, cleaner=cleaner)
     if len(points) == 0:
         raise MalformedFileError("no line begins with 'v'; expected lines 'v x y z'")
-    cloud = DecodedCloud(points, "obj")
+    cloud = DecodedCloud(points, "obj", cleaner.warnings())
     if attributes:
         cloud = replace(cloud, attributes=read_obj_colors(path, len(points), limits))
     if faces:
         triangles, warnings = read_obj_faces(path, len(points), limits, warns_of_others=attributes)
-        cloud = replace(cloud, faces=triangles, warnings=warnings)
+        cloud = replace(cloud, faces=triangles, warnings=cloud.warnings + warnings)
     return cloud
 
 
@@ -82,10 +85,12 @@ def read_obj_pieces(
     """Read as `read_obj` does, in consecutive pieces; `faces` are not kept."""
     columns = (1, 2, 3, 4, 5, 6) if attributes and has_colors(path) else (1, 2, 3)
     text = TextBlock(path, 0, path.stat().st_size, 1)
-    for table in iter_columns(text, columns, limits, dialect=Dialect(keyword="v")):
+    cleaner = TableCleaner(_VERTICES, columns)
+    for table in iter_columns(text, columns, limits, dialect=_VERTICES, cleaner=cleaner):
         kept = dict(zip(RGB, table.T[3:], strict=False))
         yield DecodedCloud(table[:, :3], "obj", attributes=kept)
-    yield DecodedCloud(np.empty((0, 3)), "obj", (LARGE_MESH_WARNING,) if faces else ())
+    warnings = cleaner.warnings() + ((LARGE_MESH_WARNING,) if faces else ())
+    yield DecodedCloud(np.empty((0, 3)), "obj", warnings)
 
 
 def read_off(path: Path, limits: ReadLimits, *, faces: bool = False) -> DecodedCloud:
@@ -96,28 +101,27 @@ def read_off(path: Path, limits: ReadLimits, *, faces: bool = False) -> DecodedC
     CloudFileError
         The file is malformed; the message names the line.
     """
-    offset, line, count, face_count = _read_counts(path, limits)
-    points = read_columns(path, offset, line, (0, 1, 2), limits, rows=count)
+    rows = _find_rows(path, limits)
+    points, warnings = rows.read(limits), rows.warnings(limits)
     if not faces:
-        return DecodedCloud(points, "off")
-    triangles, warnings = read_off_faces(path, offset, count, face_count, limits)
-    return DecodedCloud(points, "off", warnings, faces=triangles)
+        return DecodedCloud(points, "off", warnings)
+    triangles, more = read_off_faces(path, rows.text.start, rows.count, rows.after, limits)
+    return DecodedCloud(points, "off", warnings + more, faces=triangles)
 
 
 def read_off_pieces(
     path: Path, limits: ReadLimits, *, faces: bool = False
 ) -> Iterator[DecodedCloud]:
     """Read as `read_off` does, in consecutive pieces; `faces` are not kept."""
-    offset, line, count, face_count = _read_counts(path, limits)
-    text = TextBlock(path, offset, path.stat().st_size, line)
-    for points in iter_columns(text, (0, 1, 2), limits, rows=count):
+    rows = _find_rows(path, limits)
+    for points in rows.read_pieces(limits):
         yield DecodedCloud(points, "off")
-    warnings = (LARGE_MESH_WARNING,) if faces and face_count else ()
-    yield DecodedCloud(np.empty((0, 3)), "off", warnings)
+    warnings = (LARGE_MESH_WARNING,) if faces and rows.after else ()
+    yield DecodedCloud(np.empty((0, 3)), "off", rows.warnings(limits) + warnings)
 
 
-def _read_counts(path: Path, limits: ReadLimits) -> tuple[int, int, int, int]:
-    """Return byte and line of the first vertex, and the numbers of vertices and faces."""
+def _find_rows(path: Path, limits: ReadLimits) -> AnnouncedRows:
+    """Find the vertices, and count the faces after them."""
     counts: list[str] = []
     lines = read_head_lines(path, limits)
     number = 0
@@ -135,4 +139,4 @@ def _read_counts(path: Path, limits: ReadLimits) -> tuple[int, int, int, int]:
         )
     offset, count = skip_lines(path, 0, number), int(counts[0])
     check_count(count, 6, path.stat().st_size - offset + 1, f"line {number}", limits)
-    return offset, number + 1, count, int(counts[1])
+    return AnnouncedRows.at(path, offset, number + 1, (0, 1, 2), count, int(counts[1]))

@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.announced_rows import AnnouncedRows
 from service.formats.column_names import find_normals, find_xyz
 from service.formats.column_types import restore_type
+from service.formats.column_words import NORMAL_NAMES, POINT_NAMES
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import MalformedFileError
 from service.formats.memory_map import map_file
 from service.formats.numerals import significant_line
 from service.formats.pcd.compressed import MAX_RATIO, Fields, iter_compressed, read_compressed
 from service.formats.pcd.header import PcdHeader, parse_header
-from service.formats.text_block import CUT_WARNING, TextBlock, ends_with_newline
-from service.formats.text_table import iter_columns, read_columns
 
 _FIRST_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
+_FURTHER_KEYS = (b"SIZE", b"TYPE", b"COUNT", b"WIDTH", b"HEIGHT", b"POINTS", b"DATA")
 _MAX_ATTRIBUTES = 400
 """Numbers beside the coordinates that are kept; descriptors (SHOT) have up to 352."""
 
 
 def sniff(head: bytes) -> bool:
     """Whether the first line that is no comment belongs to a PCD header."""
-    return significant_line(head).split(maxsplit=1)[:1] in ([key] for key in _FIRST_KEYS)
+    text = head.replace(b"\r", b"\n").upper()
+    words = {line.split(maxsplit=1)[0] for line in text.split(b"\n") if line.strip()}
+    is_header = not words.isdisjoint(_FURTHER_KEYS)
+    return is_header and significant_line(text).split(maxsplit=1)[:1] in (
+        [key] for key in _FIRST_KEYS
+    )
 
 
 def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> DecodedCloud:
@@ -43,7 +49,8 @@ def read(path: Path, limits: ReadLimits, *, attributes: bool = False) -> Decoded
     layout = _read_layout(path, limits, attributes=attributes)
     header, fields = layout.header, layout.fields
     if header.data == "ascii":
-        columns, warnings = _read_ascii(path, header, fields, limits)
+        rows = layout.rows(path)
+        columns, warnings = list(rows.read(limits).T), rows.warnings(limits)
     elif header.data == "binary_compressed":
         columns, warnings = read_compressed(path, header, fields)
     else:
@@ -61,10 +68,10 @@ def read_pieces(
         yield from map(layout.to_cloud, iter_compressed(path, header, fields, limits))
         return
     if header.data == "ascii":
-        columns = _text_columns(header, fields)
-        text = TextBlock(path, header.size, path.stat().st_size, header.lines + 1)
-        for table in iter_columns(text, columns, limits, rows=header.points):
+        text = layout.rows(path)
+        for table in text.read_pieces(limits):
             yield layout.to_cloud(list(table.T))
+        yield DecodedCloud(np.empty((0, 3)), "pcd", text.warnings(limits))
         return
     row_bytes = header.row.itemsize
     for rows in iter_ranges(header.points, row_bytes):
@@ -82,6 +89,13 @@ class _Layout:
     """Index of the field, and which of its numbers: coordinates, normals, attributes."""
     has_normals: bool
     keeps_attributes: bool
+
+    def rows(self, path: Path) -> AnnouncedRows:
+        """Find the points of an ASCII file."""
+        header = self.header
+        starts = np.concatenate(([0], np.cumsum(header.counts)))
+        columns = [int(starts[place]) + part for place, part in self.fields]
+        return AnnouncedRows.at(path, header.size, header.lines + 1, columns, header.points)
 
     def to_cloud(self, columns: list[NDArray[np.generic]]) -> DecodedCloud:
         """Make a cloud of the numbers."""
@@ -109,17 +123,15 @@ def _read_layout(path: Path, limits: ReadLimits, *, attributes: bool) -> _Layout
     """Read the header, and check its counts."""
     with path.open("rb") as file:
         header = parse_header(file.read(limits.max_header_bytes), limits)
-    xyz, normals = find_xyz(header.fields), find_normals(header.fields)
+    xyz = _find_numbers(header, find_xyz(header.fields), POINT_NAMES)
     if xyz is None:
         raise MalformedFileError(
-            f"FIELDS {' '.join(header.fields)[:80]}: expected the fields x, y, z"
+            f"FIELDS {' '.join(header.fields)[:80]}: expected the fields x, y, z, or one of three "
+            "numbers called xyz"
         )
-    places = xyz + (normals or ())
-    if any(header.counts[i] != 1 or header.types[i][1] not in "fiu" for i in places):
-        raise MalformedFileError(
-            "a coordinate or normal has a COUNT other than 1; expected one number"
-        )
-    fields = tuple((place, 0) for place in places)
+    normals = _find_numbers(header, find_normals(header.fields), NORMAL_NAMES)
+    fields = xyz + (normals or ())
+    places = tuple(place for place, _ in fields)
     if attributes:
         fields += _other_fields(header, places)
     present = path.stat().st_size - header.size
@@ -129,6 +141,30 @@ def _read_layout(path: Path, limits: ReadLimits, *, attributes: bool) -> _Layout
         row_bytes = 1 if header.data == "binary_compressed" else header.row.itemsize
         check_count(header.points, row_bytes, present * _max_ratio(header), "POINTS", limits)
     return _Layout(header, fields, normals is not None, attributes)
+
+
+def _find_numbers(
+    header: PcdHeader, places: tuple[int, ...] | None, names: Collection[str]
+) -> Fields | None:
+    """Return the numbers of these fields, or the three of one field of one of these names.
+
+    Raises
+    ------
+    MalformedFileError
+        The fields do not hold one number each.
+    """
+    if places is None:
+        vectors = [
+            place
+            for place, name in enumerate(header.fields)
+            if name.lower() in names and header.counts[place] == 3
+        ]
+        return tuple((vectors[0], part) for part in range(3)) if len(vectors) == 1 else None
+    if any(header.counts[place] != 1 for place in places):
+        raise MalformedFileError(
+            "a coordinate or normal has a COUNT other than 1; expected one number"
+        )
+    return tuple((place, 0) for place in places)
 
 
 def _other_fields(header: PcdHeader, places: tuple[int, ...]) -> Fields:
@@ -152,20 +188,6 @@ def _max_ratio(header: PcdHeader) -> int:
 
 def _precision(header: PcdHeader, xyz: tuple[int, ...]) -> type[np.floating]:
     return np.float32 if all(header.types[i] == "<f4" for i in xyz) else np.float64
-
-
-def _read_ascii(
-    path: Path, header: PcdHeader, fields: Fields, limits: ReadLimits
-) -> tuple[list[NDArray[np.generic]], tuple[str, ...]]:
-    columns = _text_columns(header, fields)
-    table = read_columns(path, header.size, header.lines + 1, columns, limits, rows=header.points)
-    return list(table.T), () if ends_with_newline(path) else (CUT_WARNING,)
-
-
-def _text_columns(header: PcdHeader, fields: Fields) -> list[int]:
-    """Return the columns of the text that hold these numbers."""
-    starts = np.concatenate(([0], np.cumsum(header.counts)))
-    return [int(starts[place]) + part for place, part in fields]
 
 
 def _read_binary(

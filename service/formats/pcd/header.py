@@ -8,7 +8,7 @@ import numpy as np
 
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
-from service.formats.text_encoding import decode_line
+from service.formats.text_encoding import decode_line, find_line_end
 
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS")
 _TYPES = {"F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"}
@@ -55,15 +55,16 @@ def parse_header(head: bytes, limits: ReadLimits) -> PcdHeader:
         The header is malformed or too long; the message names the line.
     """
     values: dict[str, list[str]] = {}
-    offset = 0
+    offset, line_end = 0, find_line_end(head)
     for number in range(1, limits.max_header_lines + 1):
-        end = head.find(b"\n", offset)
+        end = head.find(line_end, offset)
         if end < 0:
             break
         key, *rest = decode_line(head[offset:end]).split() or ["#"]
         offset = end + 1
         if key.startswith("#"):
             continue
+        key = key.upper()
         key = "FIELDS" if key == "COLUMNS" else key
         if key == "DATA":
             return _build_header(values, " ".join(rest).lower(), offset, number, limits)
@@ -95,7 +96,7 @@ def _build_header(
     if data == "ascii" and not {"SIZE", "TYPE"} & set(values):
         values |= {"SIZE": ["4"] * len(fields), "TYPE": ["F"] * len(fields)}
     types = [
-        f"{kind}{width}"
+        f"{kind.upper()}{width}"
         for kind, width in zip(values.get("TYPE", ()), values.get("SIZE", ()), strict=False)
     ]
     if not len(fields) == len(types) == len(counts):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.announced_rows import AnnouncedRows
 from service.formats.column_types import restore_type
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import MalformedFileError, TruncatedFileError, UnsupportedFileError
@@ -21,12 +22,15 @@ from service.formats.ply.faces import read_faces, skip_lines
 from service.formats.ply.header import PlyElement, PlyHeader, parse_header
 from service.formats.ply.rows import read_rows
 from service.formats.splat import WARNING as SPLAT_WARNING
-from service.formats.text_block import CUT_WARNING, TextBlock, ends_with_newline
-from service.formats.text_table import iter_columns, read_columns
 
-MAGIC = b"ply"
+_MAGIC = b"ply"
 _XYZ = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
+
+
+def sniff(head: bytes) -> bool:
+    """Whether the first word is "ply", in letters of either case."""
+    return head[:3].lower() == _MAGIC and head[3:4] in (b"\n", b"\r", b" ")
 
 
 def read(
@@ -46,10 +50,8 @@ def read(
     if header.order:
         table, warnings = _read_binary(path, header, before, vertex, after, wanted)
     else:
-        offset, line, columns = _find_table(path, header, before, vertex, wanted, limits)
-        table = read_columns(path, offset, line, columns, limits, rows=vertex.count)
-        is_cut = vertex is header.elements[-1] and not ends_with_newline(path)
-        warnings = (CUT_WARNING,) if is_cut else ()
+        rows = _find_rows(path, header, wanted, limits)
+        table, warnings = rows.read(limits), rows.warnings(limits)
     cloud = _to_cloud(table, vertex, wanted, attributes=attributes)
     if attributes:
         warnings += _warn_of_kinds(vertex)
@@ -71,15 +73,23 @@ def read_pieces(
     """
     header, before, vertex, _ = _read_header(path, limits)
     wanted = _select_properties(vertex, attributes=attributes)
-    for table in _iter_tables(path, header, before, vertex, wanted, limits):
-        yield _to_cloud(table, vertex, wanted, attributes=attributes)
+    _refuse_lists([*before, vertex], vertex.count)
+    warnings: tuple[str, ...] = ()
+    if header.order:
+        for table in _iter_binary(path, header, before, vertex, wanted):
+            yield _to_cloud(table, vertex, wanted, attributes=attributes)
+    else:
+        rows = _find_rows(path, header, wanted, limits)
+        for numbers in rows.read_pieces(limits):
+            yield _to_cloud(numbers, vertex, wanted, attributes=attributes)
+        warnings = rows.warnings(limits)
     if attributes or faces:
         others = [element.name[:40] for element in header.elements if element.name != "vertex"]
         has_faces = any(element.name == "face" and element.count for element in header.elements)
         lost = f"elements that are not kept, because the file is large: {', '.join(others[:9])}"
-        warnings = (*_warn_of_kinds(vertex), *((lost,) if others else ()))
+        warnings += (*_warn_of_kinds(vertex), *((lost,) if others else ()))
         warnings += (LARGE_MESH_WARNING,) if has_faces else ()
-        yield DecodedCloud(np.empty((0, 3)), "ply", warnings)
+    yield DecodedCloud(np.empty((0, 3)), "ply", warnings)
 
 
 def _read_header(
@@ -115,31 +125,28 @@ def _warn_of_kinds(vertex: PlyElement) -> tuple[str, ...]:
     return (*warnings, f"lists of the vertices are not kept: {lists}") if lists else warnings
 
 
-def _iter_tables(
+def _iter_binary(
     path: Path,
     header: PlyHeader,
     before: list[PlyElement],
     vertex: PlyElement,
     wanted: tuple[str, ...],
-    limits: ReadLimits,
 ) -> Iterator[NDArray[np.generic]]:
     """Yield the wanted properties of consecutive vertices."""
-    if any(element.has_lists for element in (*before, vertex)):
-        raise UnsupportedFileError(
-            f"{vertex.count} vertices with lists, or behind lists, are too many for the memory "
-            "allowed: save the vertices first, and without lists"
-        )
-    if not header.order:
-        offset, line, columns = _find_table(path, header, before, vertex, wanted, limits)
-        text = TextBlock(path, offset, path.stat().st_size, line)
-        yield from iter_columns(text, columns, limits, rows=vertex.count)
-        return
     start = header.size + sum(item.count * item.min_row_bytes(header.order) for item in before)
     row_bytes = vertex.min_row_bytes(header.order)
     for rows in iter_ranges(vertex.count, row_bytes):
         content = map_file(path, start + rows.start * row_bytes, len(rows) * row_bytes)
         piece = replace(vertex, count=len(rows))
         yield read_rows(content, 0, piece, header.order, wanted)[0]
+
+
+def _refuse_lists(elements: list[PlyElement], count: int) -> None:
+    if any(element.has_lists for element in elements):
+        raise UnsupportedFileError(
+            f"{count} vertices with lists, or behind lists, are too many for the memory "
+            "allowed: save the vertices first, and without lists"
+        )
 
 
 def _split_at_vertex(header: PlyHeader) -> tuple[list[PlyElement], PlyElement, list[PlyElement]]:
@@ -202,15 +209,11 @@ def _read_binary(
     return table, warnings
 
 
-def _find_table(
-    path: Path,
-    header: PlyHeader,
-    before: list[PlyElement],
-    vertex: PlyElement,
-    wanted: tuple[str, ...],
-    limits: ReadLimits,
-) -> tuple[int, int, list[int]]:
-    """Return byte and number of the first line of the vertices, and the columns wanted."""
+def _find_rows(
+    path: Path, header: PlyHeader, wanted: tuple[str, ...], limits: ReadLimits
+) -> AnnouncedRows:
+    """Find the vertices of an ASCII file."""
+    before, vertex, after = _split_at_vertex(header)
     names = [item.name for item in vertex.properties]
     columns = [names.index(name) for name in wanted]
     if any(item.count_type for item in vertex.properties[: max(columns)]):
@@ -220,7 +223,10 @@ def _find_table(
         )
     skipped = sum(element.count for element in before)
     offset = skip_lines(path, header.size, skipped, header.lines, limits)
-    return offset, header.lines + skipped + 1, columns
+    rows_after = sum(element.count for element in after)
+    return AnnouncedRows.at(
+        path, offset, header.lines + skipped + 1, columns, vertex.count, rows_after
+    )
 
 
 def _coordinate_type(vertex: PlyElement) -> np.dtype[np.floating]:

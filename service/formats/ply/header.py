@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from service.formats.column_names import find_xyz
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.errors import FileLimitError, MalformedFileError, TruncatedFileError
-from service.formats.text_encoding import decode_line
+from service.formats.text_encoding import decode_line, find_line_end
 
 Order = Literal["", "<", ">"]
 """Byte order in NumPy's notation; empty for ASCII."""
@@ -81,12 +82,13 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
     """
     order: Order | None = None
     elements: list[PlyElement] = []
-    offset = 0
+    offset, line_end = 0, find_line_end(head)
     for number in range(1, limits.max_header_lines + 1):
-        end = head.find(b"\n", offset)
+        end = head.find(line_end, offset)
         if end < 0:
             raise _missing_end(head, number, limits)
         words = decode_line(head[offset:end]).split()
+        words[:1] = [word.lower() for word in words[:1]]
         offset = end + 1
         match words:
             case ["ply"] if number == 1:
@@ -102,10 +104,10 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
                             f"element {element.name[:40]!r} has rows but no properties"
                         )
                 return PlyHeader(order, _with_usual_names(elements), offset, number)
-            case ["format", name, "1.0"] if name in _ORDERS and order is None:
-                order = _ORDERS[name]
+            case ["format", name, "1.0"] if name.lower() in _ORDERS and order is None:
+                order = _ORDERS[name.lower()]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
-                elements.append(PlyElement(name, int(count)))
+                elements.append(PlyElement(name.lower(), int(count)))
             case ["property", *rest] if elements:
                 _add_property(elements[-1], rest, number, limits)
             case [] | ["comment" | "obj_info", *_]:
@@ -121,17 +123,24 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
 
 def _with_usual_names(elements: list[PlyElement]) -> list[PlyElement]:
     """Call the only element with coordinates "vertex", and these x, y and z."""
-    axes = {axis.upper(): axis for axis in "xyz"}
-    for element in elements:
-        if set(axes) <= {item.name for item in element.properties}:
-            element.properties = [
-                replace(item, name=axes.get(item.name, item.name)) for item in element.properties
-            ]
-    if not any(element.name == "vertex" for element in elements):
+    found = [element for element in elements if element.name == "vertex"] or elements
+    for element in found:
+        element.properties = _with_usual_axes(element.properties)
+    if found is elements:
         found = [e for e in elements if set("xyz") <= {item.name for item in e.properties}]
         if len(found) == 1:
             found[0].name = "vertex"
     return elements
+
+
+def _with_usual_axes(properties: list[PlyProperty]) -> list[PlyProperty]:
+    """Call the numbers x, y and z that have other names of coordinates, as px, X or easting."""
+    numbers = [item.name for item in properties if not item.count_type]
+    places = find_xyz(numbers)
+    if set("xyz") & {item.name for item in properties} or places is None:
+        return properties
+    axes = {numbers[place]: axis for place, axis in zip(places, "xyz", strict=True)}
+    return [replace(item, name=axes.get(item.name, item.name)) for item in properties]
 
 
 def _missing_end(
@@ -144,8 +153,8 @@ def _missing_end(
 
 def _add_property(element: PlyElement, words: list[str], number: int, limits: ReadLimits) -> None:
     match words:
-        case [kind, name] if kind in _TYPES:
-            new = PlyProperty(name, _TYPES[kind])
+        case [kind, name] if kind.lower() in _TYPES:
+            new = PlyProperty(name, _TYPES[kind.lower()])
         case ["list", length, kind, name] if _TYPES.get(length, "f")[0] in "iu" and kind in _TYPES:
             new = PlyProperty(name, _TYPES[kind], _TYPES[length])
         case _:

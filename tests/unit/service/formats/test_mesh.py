@@ -62,7 +62,7 @@ def test_stl_as_programs_write_it(tmp_path: Path, name: str) -> None:
         (b"\nvertex", b" vertex", "0 lines begin with 'vertex'"),
         (b"vertex", b"corner", "0 lines begin with 'vertex'"),
         (b"endsolid", b"end", "before 'endsolid'"),
-        (b".", b",", "line 4: .* is not a number"),
+        (b".", b"'", "line 4: .* is not a number"),
     ],
 )
 def test_what_is_wrong_with_an_stl_is_told(
@@ -152,10 +152,3 @@ def test_a_library_s_words_name_no_path() -> None:
     error = ValueError("escapes root '/var/lib/mpe/blobs/f9' or C:\\data\\x, rows/columns 1/2")
     assert short_reason(error) == "escapes root '(path)' or (path) rows/columns 1/2"
     assert short_reason(FileNotFoundError(2, "No such file", "/var/lib/mpe")) == "No such file"
-
-
-def test_commas_in_an_obj_are_no_numbers(tmp_path: Path) -> None:
-    with pytest.raises(CloudFileError, match="line 2: '2,5' in column 3"):
-        decode(tmp_path, b"v 1 2 3\nv 1 2,5 3\n")
-    with pytest.raises(CloudFileError, match="line 1: '1,5' in column 2"):
-        decode(tmp_path, b"v 1,5 2,5 3,5\n" * 3)
