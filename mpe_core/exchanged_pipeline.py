@@ -67,9 +67,9 @@ class ExchangedPipeline:
         """Refine and score a coarse pose T (4, 4)."""
         return _exchanged(self._inner.refine(inverse(T)))
 
-    def settle(self, pose: ScoredPose) -> ScoredPose:
-        """Bring a pose that ran out of steps to the end."""
-        return _exchanged(self._inner.settle(_exchanged(pose)))
+    def finish(self, pose: ScoredPose) -> ScoredPose:
+        """Bring a pose to its end, as exact as it gets."""
+        return _exchanged(self._inner.finish(_exchanged(pose)))
 
     def score(self, T: Array) -> Evidence:
         """Measure the evidence for the pose T (4, 4)."""

@@ -158,7 +158,7 @@ class PosePipeline:
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
         best, *others = select_equal(ordered)
-        return [self.settle(best), *others]
+        return [self.finish(best), *others]
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
         """Order the poses and that next to the start: near ones first, within the given range."""
@@ -227,12 +227,14 @@ class PosePipeline:
         minimum = self.refiner.refine(self._prior.project_to_yaw(T))
         return ScoredPose(minimum, self.scorer.score(minimum.T))
 
-    def settle(self, pose: ScoredPose) -> ScoredPose:
-        """Bring a pose that ran out of steps to the end; what speaks for it stays what it was."""
-        if pose.minimum.converged:
-            return pose
-        minimum = self.refiner.settle(pose.minimum)
-        return replace(pose, minimum=minimum) if are_close(minimum.T, pose.minimum.T) else pose
+    def finish(self, pose: ScoredPose) -> ScoredPose:
+        """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was."""
+        settled = self._settle(pose)
+        return _moved(settled, self.refiner.sharpen(settled.minimum))
+
+    def _settle(self, pose: ScoredPose) -> ScoredPose:
+        """Bring a pose that ran out of steps to its minimum."""
+        return pose if pose.minimum.converged else _moved(pose, self.refiner.settle(pose.minimum))
 
     def _refine_candidates(
         self,
@@ -303,7 +305,7 @@ class PosePipeline:
         distinct = select_distinct(ordered)
         row = self._find_only_complete(distinct)
         if row is not None:  # others may slide until they explain as much
-            row = self._find_only_complete([self.settle(pose) for pose in distinct])
+            row = self._find_only_complete([self._settle(pose) for pose in distinct])
         if row is None:
             return poses
         return [beside_only_complete(pose, distinct[row]) for pose in poses]
@@ -340,6 +342,11 @@ class PosePipeline:
     @cached_property
     def _lattice(self) -> NearestLattice:
         return build_lattice(self.target.surface)
+
+
+def _moved(pose: ScoredPose, minimum: Minimum) -> ScoredPose:
+    """Return the pose at a minimum near it; the pose itself if the minimum is another one."""
+    return replace(pose, minimum=minimum) if are_close(minimum.T, pose.minimum.T) else pose
 
 
 def choose_planes(

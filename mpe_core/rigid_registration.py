@@ -111,7 +111,7 @@ def register_rigidly(
     if start is None:
         best, *others = _find_poses(pipeline, pair, options, progress, levels)
     else:
-        best, others = pipeline.settle(pipeline.refine(pair.from_caller(start))), []
+        best, others = pipeline.finish(pipeline.refine(pair.from_caller(start))), []
     with progress.stage("refine"):
         uncertainty = _estimate_uncertainty(pipeline, pair, best)
     return describe_pose(pipeline, pair, [best, *others], uncertainty, options, progress)

@@ -89,6 +89,10 @@ class FullSum:
         """Go on to the minimum from where a refinement by planes ran out of steps."""
         return minimum if minimum.criterion == "full_sum" else self._planes.settle(minimum)
 
+    def sharpen(self, minimum: Minimum) -> Minimum:
+        """Leave the minimum as it is: there is noise."""
+        return minimum
+
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the target's origin."""
         if minimum.criterion != "full_sum":

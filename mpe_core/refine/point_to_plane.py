@@ -42,6 +42,10 @@ SUBSET_POINTS = 1000
 FEATURE_POINTS = 20_000
 """Points, or up to twice as many, in which small features are looked for where surfaces slide."""
 
+SHARP_WIDTH, SHARP_POINTS = 0.6, 8000
+"""Width of the planes on which the best pose is laid in the end over that of all others, and points
+of the moving cloud, spread evenly over its surface, that are laid on them (docs/tuning.md)."""
+
 PRESELECT_STEPS = 10
 """Bound on the steps of the refinement that preselects candidates."""
 
@@ -70,11 +74,12 @@ class PointToPlane:
         options
             Options of the registration; `seed` and `max_iterations` are used.
         """
-        self._moving, self._motion_basis = moving, motion_basis
+        self._moving, self._fixed, self._motion_basis = moving, fixed, motion_basis
         self._sample = moving.sample(options.seed)
         self._planes = TargetPlanes(
             fixed.fine, fixed.surface.spacing, regime.plane_noise, fixed.viewpoint
         )
+        self._is_noisy = regime.is_noisy
         # the few planes of sparse clouds would smooth shape, too
         self._may_smooth = not regime.is_sparse
         self._max_iterations = options.max_iterations
@@ -99,6 +104,22 @@ class PointToPlane:
             return minimum
         settled = self._refine(minimum.T, left)
         return replace(settled, iterations=minimum.iterations + settled.iterations)
+
+    def sharpen(self, minimum: Minimum) -> Minimum:
+        """Go on from a minimum on narrower planes; one that noise blurs stays what it is.
+
+        A scanner measures most points near itself: there the sample has many, and far walls, which
+        hold a pose, few. Here the points lie evenly.
+        """
+        left = self._max_iterations - minimum.iterations
+        if self._is_noisy or minimum.criterion != "point_to_plane" or left <= 0:
+            return minimum
+        sample = Sample(self._moving.coarse_points(SHARP_POINTS), None)
+        planes = TargetPlanes(self._fixed.fine, self._fixed.surface.spacing, width=SHARP_WIDTH)
+        found = minimize_point_to_plane(
+            sample, planes, minimum.T, self._motion_basis, left, is_near=True
+        )
+        return replace(found, iterations=minimum.iterations + found.iterations)
 
     def match(self, T: Array) -> Correspondences:
         """Match the sample at the pose T with the planes."""
@@ -207,6 +228,7 @@ def minimize_point_to_plane(
     max_steps: int,
     *,
     smooth: bool = False,
+    is_near: bool = False,
 ) -> Minimum:
     """Minimise sum_i rho(n_i*.(y_i* - (R x_i + t))) from the pose T by Gauss-Newton steps.
 
@@ -227,9 +249,11 @@ def minimize_point_to_plane(
         Bound on the steps.
     smooth
         Whether the planes are taken as fitted; otherwise each is moved to its point.
+    is_near
+        Whether the start is near the minimum; otherwise the first steps have a wider cut-off.
     """
     iterations = 0
-    for cutoff in (FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff):
+    for cutoff in (FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff)[is_near:]:
         tolerance = STEP_TOL if cutoff == target.cutoff else 20 * STEP_TOL
         converged = False
         while not converged and iterations < max_steps:

@@ -20,5 +20,8 @@ class Refiner(Protocol):
     def settle(self, minimum: Minimum) -> Minimum:
         """Go on to the minimum from where a refinement ran out of steps."""
 
+    def sharpen(self, minimum: Minimum) -> Minimum:
+        """Make a minimum more exact where the clouds are clean enough."""
+
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the target's origin."""

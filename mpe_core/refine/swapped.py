@@ -53,6 +53,10 @@ class SwappedPointToPlane:
         """Go on to the minimum from where a refinement ran out of steps."""
         return self._inner.settle(minimum.inverse()).inverse()
 
+    def sharpen(self, minimum: Minimum) -> Minimum:
+        """Make a minimum more exact where the clouds are clean enough."""
+        return self._inner.sharpen(minimum.inverse()).inverse()
+
     def match(self, T: Array) -> Correspondences:
         """Match a sample of the target with the planes of the source, at the pose T."""
         return self._inner.match(inverse(T))

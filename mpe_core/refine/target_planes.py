@@ -32,7 +32,13 @@ class TargetPlanes:
     """Local planes at all points of a fixed cloud, fitted where they are first asked for."""
 
     def __init__(
-        self, points: Points, spacing: float, noise: float = 0.0, viewpoint: Array | None = None
+        self,
+        points: Points,
+        spacing: float,
+        noise: float = 0.0,
+        viewpoint: Array | None = None,
+        *,
+        width: float = 1.0,
     ) -> None:
         """Choose radius and cut-off for the points (M, 3).
 
@@ -46,10 +52,14 @@ class TargetPlanes:
             Noise that the planes have to average.
         viewpoint
             (3,) position of the scanner, to which the normals are turned.
+        width
+            Radius and cut-off over the usual ones.
         """
-        radius = max(PLANE_RADIUS, PLANE_RADIUS_SPACINGS * spacing, PLANE_RADIUS_NOISES * noise)
+        radius = width * max(
+            PLANE_RADIUS, PLANE_RADIUS_SPACINGS * spacing, PLANE_RADIUS_NOISES * noise
+        )
         self.cells = CellList(points, radius)
-        self.cutoff = max(
+        self.cutoff = width * max(
             TUKEY_CUTOFF, TUKEY_CUTOFF_SPACINGS * spacing, TUKEY_CUTOFF_NOISES * noise
         )
         self._normals = np.zeros_like(self.cells.points)

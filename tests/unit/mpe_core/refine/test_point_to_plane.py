@@ -5,13 +5,15 @@ import pytest
 
 from mpe_core import RegistrationOptions
 from mpe_core.clouds.preprocess import prepare_cloud
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotation_error
 from mpe_core.refine import point_to_plane
 from mpe_core.refine.point_to_plane import PointToPlane
 from mpe_core.refine.regime import choose_regime
 from mpe_core.refine.swapped import SwappedPointToPlane
 from mpe_core.refine.target_planes import TargetPlanes, match_planes
-from tests.factories.clouds import knot
+from mpe_core.rigid_registration import prepare_pair
+from tests.factories.clouds import knot, real_pair
 
 TRUTH = pose(axis_rotation(np.array([1.0, 2, 3]), 0.7), np.array([0.2, -0.1, 0.3]))
 OFF = pose(axis_rotation(np.array([-2.0, 1, 0]), 0.06), np.array([0.01, -0.01, 0.005]))
@@ -80,6 +82,34 @@ def test_a_pose_goes_on_for_no_more_iterations_than_allowed(clouds, monkeypatch)
     monkeypatch.setattr(point_to_plane, "MAX_STEPS", 2)
     limited = refiner(*clouds, max_iterations=3)
     assert limited.settle(limited.refine(OFF @ TRUTH)).iterations == 3
+
+
+@pytest.mark.parametrize("name", ["kitti07_000004_000001", "kitti07_000004_000002"])
+def test_far_walls_hold_the_pose_of_scans_that_are_dense_near_their_scanners(data, name):
+    trial = real_pair(data / "scenes", name)
+    options = RegistrationOptions()
+    pair, clouds = prepare_pair(validate_cloud(trial.source), validate_cloud(trial.target), options)
+    planes, truth = refiner(*clouds), pair.from_caller(trial.T_target_source)
+    near = planes.settle(planes.refine(truth))
+    sharp = planes.sharpen(near)
+    assert sharp.converged
+    assert sharp.iterations > near.iterations
+    assert shift_between(sharp.T, truth) < 0.7 * shift_between(near.T, truth)
+
+
+def test_a_minimum_that_noise_blurs_is_not_sharpened():
+    noisy = refiner(prepared(0, noise=0.05, T=TRUTH), prepared(1, noise=0.05))
+    near = noisy.refine(OFF @ TRUTH)
+    assert noisy.sharpen(near) is near
+
+
+def test_sharpening_keeps_the_bound_on_the_iterations_and_the_motion_basis(clouds, monkeypatch):
+    monkeypatch.setattr(point_to_plane, "MAX_STEPS", 2)
+    limited = refiner(*clouds, basis=np.eye(6)[:, 3:], max_iterations=3)
+    near = limited.refine(OFF @ TRUTH)
+    sharp = limited.sharpen(near)
+    assert sharp.iterations == 3
+    assert rotation_error(sharp.T, near.T) < 1e-9
 
 
 def test_steps_stay_within_the_motion_basis(clouds):
