@@ -79,9 +79,10 @@ class PointToPlane:
         self._planes = TargetPlanes(
             fixed.fine, fixed.surface.spacing, regime.plane_noise, fixed.viewpoint
         )
-        self._is_noisy = regime.is_noisy
         # the few planes of sparse clouds would smooth shape, too
         self._may_smooth = not regime.is_sparse
+        # and narrower ones would hold too few points, or not average the noise
+        self._may_sharpen = not (regime.is_sparse or regime.is_noisy)
         self._max_iterations = options.max_iterations
 
     @property
@@ -106,13 +107,13 @@ class PointToPlane:
         return replace(settled, iterations=minimum.iterations + settled.iterations)
 
     def sharpen(self, minimum: Minimum) -> Minimum:
-        """Go on from a minimum on narrower planes; one that noise blurs stays what it is.
+        """Go on from a minimum on narrower planes; one of noisy or sparse clouds stays what it is.
 
         A scanner measures most points near itself: there the sample has many, and far walls, which
         hold a pose, few. Here the points lie evenly.
         """
         left = self._max_iterations - minimum.iterations
-        if self._is_noisy or minimum.criterion != "point_to_plane" or left <= 0:
+        if not self._may_sharpen or minimum.criterion != "point_to_plane" or left <= 0:
             return minimum
         sample = Sample(self._moving.coarse_points(SHARP_POINTS), None)
         planes = TargetPlanes(self._fixed.fine, self._fixed.surface.spacing, width=SHARP_WIDTH)

@@ -54,7 +54,7 @@ class SwappedPointToPlane:
         return self._inner.settle(minimum.inverse()).inverse()
 
     def sharpen(self, minimum: Minimum) -> Minimum:
-        """Make a minimum more exact where the clouds are clean enough."""
+        """Make a minimum more exact where the clouds are clean and dense."""
         return self._inner.sharpen(minimum.inverse()).inverse()
 
     def match(self, T: Array) -> Correspondences:

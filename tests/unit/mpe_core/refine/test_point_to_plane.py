@@ -19,9 +19,9 @@ TRUTH = pose(axis_rotation(np.array([1.0, 2, 3]), 0.7), np.array([0.2, -0.1, 0.3
 OFF = pose(axis_rotation(np.array([-2.0, 1, 0]), 0.06), np.array([0.01, -0.01, 0.005]))
 
 
-def prepared(seed, noise=0.0, T=None):
+def prepared(seed, noise=0.0, T=None, count=30_000):
     rng = np.random.default_rng(seed)
-    points = 2 * knot(30_000, rng) - [1.1, 0.3, 0.2]
+    points = 2 * knot(count, rng) - [1.1, 0.3, 0.2]
     points += noise * rng.normal(size=points.shape)
     return prepare_cloud(points if T is None else apply(inverse(T), points))
 
@@ -97,10 +97,13 @@ def test_far_walls_hold_the_pose_of_scans_that_are_dense_near_their_scanners(dat
     assert shift_between(sharp.T, truth) < 0.7 * shift_between(near.T, truth)
 
 
-def test_a_minimum_that_noise_blurs_is_not_sharpened():
-    noisy = refiner(prepared(0, noise=0.05, T=TRUTH), prepared(1, noise=0.05))
-    near = noisy.refine(OFF @ TRUTH)
-    assert noisy.sharpen(near) is near
+@pytest.mark.parametrize(("noise", "count"), [(0.05, 30_000), (0.0, 3000)])
+def test_a_minimum_of_noisy_or_sparse_clouds_is_not_sharpened(noise, count):
+    blurred = refiner(
+        prepared(0, noise=noise, T=TRUTH, count=count), prepared(1, noise=noise, count=count)
+    )
+    near = blurred.refine(OFF @ TRUTH)
+    assert blurred.sharpen(near) is near
 
 
 def test_sharpening_keeps_the_bound_on_the_iterations_and_the_motion_basis(clouds, monkeypatch):
