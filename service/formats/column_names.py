@@ -16,13 +16,14 @@ from service.formats.column_words import (
     SURVEY,
 )
 
-_XYZ = (
-    ("x", "y", "z"),
+_XYZ = (("x", "y", "z"),)
+_OTHER_XYZ = (
     ("px", "py", "pz"),
     ("pos_x", "pos_y", "pos_z"),
     ("point_x", "point_y", "point_z"),  # ArcGIS
-    ("x1", "y1", "z1"),  # Ouster
 )
+_NUMBERED_AXIS = re.compile(r"([xyz])_?(\d{1,2})")
+"""x1 of Ouster."""
 _ENU = (("e", "n", "u"),)
 _NUMBERED = re.compile(
     r"(points|points_m_xyz|xyz|location|position|coords|coordinates)[\W_]*([0-3])\W*"
@@ -61,17 +62,46 @@ _VECTORS = (
 
 
 def find_xyz(names: Sequence[str]) -> tuple[int, ...] | None:
-    """Find the indices of the columns x, y and z; None unless each is there once."""
+    """Find the indices of the columns x, y and z; None unless each is there once.
+
+    Three columns of other names are none where three more may be coordinates too.
+    """
     if len(names) < 3:  # each line of a long comment is asked
         return None
+    if (exact := _find_triple(names, _XYZ)) is not None:
+        return exact
+    found = _find_likely(names)
+    return None if found is None or find_further(names, found) else found
+
+
+def find_further(names: Sequence[str], xyz: Sequence[int]) -> list[str]:
+    """Return the names of three more columns that may be coordinates; nothing without."""
+    others = [name for place, name in enumerate(names) if place not in xyz]
+    found = _find_triple(others, _XYZ) or _find_likely(others)
+    return [] if found is None else [others[place].strip() for place in found]
+
+
+def _find_likely(names: Sequence[str]) -> tuple[int, ...] | None:
+    """Find three columns with names of coordinates other than x, y and z."""
     bare = [_normalize(name) for name in names]
     return (
-        _find_triple(names, _XYZ)
+        _find_triple(names, _OTHER_XYZ)
+        or _find_numbered_axes(bare)
         or _find_numbered(names)
         or _find_survey(bare)
         or _find_axes(names, bare)
         or _find_triple(names, _ENU)
     )
+
+
+def _find_numbered_axes(bare: Sequence[str]) -> tuple[int, ...] | None:
+    """Find x1, y1 and z1, or those of the first number of which all three are there."""
+    places: dict[str, dict[str, int]] = {}
+    for place, name in enumerate(bare):
+        if found := _NUMBERED_AXIS.fullmatch(name):
+            places.setdefault(found[2], {})[found[1]] = place
+    complete = (axes for axes in places.values() if len(axes) == 3)
+    return next((tuple(axes[axis] for axis in "xyz") for axes in complete), None)
 
 
 def find_normals(names: Sequence[str]) -> tuple[int, ...] | None:

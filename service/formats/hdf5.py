@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.array_cloud import is_transposed
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import (
     CloudFileError,
@@ -25,12 +26,7 @@ from service.formats.errors import (
     short_reason,
 )
 from service.formats.libraries import import_library
-from service.formats.named_arrays import (
-    choose_array,
-    cloud_of_arrays,
-    find_axis_arrays,
-    is_transposed,
-)
+from service.formats.named_arrays import choose_array, cloud_of_arrays, find_axis_arrays
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _MATLAB_BLOCK_BYTES = 512

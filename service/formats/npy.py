@@ -20,6 +20,7 @@ from typing import IO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.array_cloud import all_fields, extra_fields, to_cloud, with_attribute
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, iter_ranges
 from service.formats.errors import (
     CloudFileError,
@@ -29,13 +30,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     short_reason,
 )
-from service.formats.named_arrays import (
-    all_fields,
-    cloud_of_arrays,
-    extra_fields,
-    to_cloud,
-    with_attribute,
-)
+from service.formats.named_arrays import cloud_of_arrays
 from service.formats.npy_pieces import ArrayHeader, ArrayRows
 
 MAGIC = b"\x93NUMPY"

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.array_cloud import is_transposed
 from service.formats.errors import UnsupportedFileError
 from service.formats.memory_map import map_file
-from service.formats.named_arrays import is_transposed
 
 
 @dataclass(frozen=True, slots=True)

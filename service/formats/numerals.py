@@ -9,7 +9,8 @@ _NUMBER = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 """Unambiguous, so that matching does not backtrack."""
-_QUOTED = re.compile(r'"([^"]*)"')
+QUOTED = re.compile(r"\"([^\"]*)\"|(?:(?<=[,;|\s])|^)'([^']*)'(?=[,;|\s]|$)")
+"""Quoted words; a single quote within a word is an apostrophe."""
 _ONLY_DIGITS = re.compile(r"[\d\s.,eE+-]*", re.ASCII)
 _DELIMITERS = re.compile(r"[,;|\s]")
 MISSING = frozenset(
@@ -50,11 +51,13 @@ def is_value(field: str) -> bool:
 
 def unquote(row: str) -> str:
     """Remove the quotes of a row; delimiters and blanks within quoted words are replaced."""
-    return _QUOTED.sub(_join_words, row).replace('"', "") if '"' in row else row
+    if '"' not in row and "'" not in row:
+        return row
+    return QUOTED.sub(_join_words, row).replace('"', "")
 
 
 def _join_words(quoted: re.Match[str]) -> str:
-    text = quoted[1]
+    text = quoted[1] or quoted[2] or ""
     return text if _ONLY_DIGITS.fullmatch(text) else _DELIMITERS.sub("_", text)
 
 

@@ -11,6 +11,7 @@ from service.formats.numerals import HASH_WORD, is_missing, is_number, unquote
 
 COMMENT = re.compile(rf"(?<!\.)(?!{HASH_WORD})#")
 """Beginning of a comment; not the sign in 1.#QNAN, as Windows writes NaN, #N/A and colours."""
+_TO_BLANKS = str.maketrans(",;|\t", "    ")
 _END_OF_FILE = "\x1a"
 """Last character of texts of DOS."""
 
@@ -25,6 +26,8 @@ class Dialect:
     """First word, column 0, of the lines to read; empty: all lines are read."""
     decimal_comma: bool = False
     """Whether commas are decimal points."""
+    is_mixed: bool = False
+    """Whether any run of commas, semicolons, bars and blanks separates the fields."""
     has_counts: bool = False
     """Whether a line of one whole number announces the rows that follow, as in PTS."""
     width: int = 0
@@ -125,6 +128,13 @@ def normalize_lines(lines: Iterable[str], dialect: Dialect) -> Iterable[str]:
     if dialect.keyword:
         starts = (f"{dialect.keyword} ", f"{dialect.keyword}\t")
         lines = (line for line in lines if line.lstrip(" \t").startswith(starts))
+    if dialect.is_mixed:
+        lines = (unify_delimiters(line) for line in lines)
     if dialect.decimal_comma:
         lines = (line.replace(",", ".") for line in lines)
     return lines
+
+
+def unify_delimiters(line: str) -> str:
+    """Return the line with blanks in place of other delimiters."""
+    return line.translate(_TO_BLANKS)

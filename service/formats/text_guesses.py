@@ -16,7 +16,9 @@ SAMPLED_ROWS = 20
 """Rows that are looked at."""
 _AXES, _MIN_LONG_ROW = 3, 13
 """Rows of a table that is turned, and numbers in each: more than a line of a pose has."""
-_MIN_ROWS = 3
+_MAX_UNNAMED = 64
+"""Columns without names from which on the rows are those of a picture, or of a table."""
+MIN_ROWS = 3
 """Rows that are no coincidence."""
 _UNIT_TOL = 1e-3
 """Distance from a rotation up to which numbers are one; files round to four digits."""
@@ -35,43 +37,31 @@ def sample_rows(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
 
 def counts_rows(rows: Rows) -> bool:
     """Whether the first of more than three columns counts the rows, and the others do not."""
-    if len(rows) < _MIN_ROWS or any(len(row) < 4 or not _is_count(row[0]) for row in rows):
+    if len(rows) < MIN_ROWS or any(len(row) < 4 or not is_count(row[0]) for row in rows):
         return False
     numbers = [int(row[0]) for row in rows]
     is_counted = all(after - before == 1 for before, after in pairwise(numbers))
     return is_counted and any("." in item for row in rows for item in row[1:4])
 
 
-def refuse_rows_and_columns(rows: Rows) -> None:
-    """Refuse two columns of whole numbers before three of decimal ones.
+def refuse_long_rows(rows: Rows) -> None:
+    """Refuse up to three rows of many numbers, and any of very many.
 
     Raises
     ------
     MalformedFileError
-        They may be the rows and columns of a scan, or coordinates.
+        The rows are axes, or all points in one line, or those of a picture.
     """
-    if len(rows) < _MIN_ROWS or any(len(row) < 5 for row in rows):
-        return
-    is_whole = all(_is_count(item) for row in rows for item in row[:2])
-    if is_whole and all("." in item for row in rows for item in row[2:5]):
-        raise MalformedFileError(
-            "columns 1 and 2 are whole numbers, as the rows and columns of a scan, and columns 3 "
-            "to 5 are not; expected a first line that names the columns, as 'row col x y z'"
-        )
-
-
-def refuse_few_long_rows(rows: Rows) -> None:
-    """Refuse up to three rows of many numbers.
-
-    Raises
-    ------
-    MalformedFileError
-        The rows are axes, or all points in one line.
-    """
-    if 0 < len(rows) <= _AXES and all(len(row) >= _MIN_LONG_ROW for row in rows):
+    longest = min((len(row) for row in rows), default=0)
+    if 0 < len(rows) <= _AXES and longest >= _MIN_LONG_ROW:
         raise MalformedFileError(
             f"{len(rows)} rows of {len(rows[0])} numbers; expected a line for each point, with x, "
             "y and z: transpose the table"
+        )
+    if longest > _MAX_UNNAMED:
+        raise MalformedFileError(
+            f"rows of {longest} numbers without names, as of a depth image or a grid; expected a "
+            "line for each point, with x, y and z"
         )
 
 
@@ -100,7 +90,7 @@ def refuse_poses(rows: Rows) -> None:
 
 def are_labelled(rows: Rows) -> bool:
     """Whether each row is a label and three or more numbers."""
-    if len(rows) < _MIN_ROWS or len(rows[0]) < 4:
+    if len(rows) < MIN_ROWS or len(rows[0]) < 4:
         return False
     return all(
         len(row) == len(rows[0])
@@ -119,13 +109,14 @@ def has_decimal_commas(rows: Rows) -> bool:
     return any(_HALF_NUMBER.fullmatch(item) is not None for item in fields)
 
 
-def _is_count(word: str) -> bool:
+def is_count(word: str) -> bool:
+    """Whether a word is a whole number of few digits, without a sign."""
     return word.isascii() and word.isdecimal() and len(word) < 16
 
 
 def _are_timed_poses(numbers: NDArray[np.float64]) -> bool:
-    is_rising = len(numbers) >= _MIN_ROWS and bool((np.diff(numbers[:, 0]) > 0).all())
-    return is_rising and _are_units(numbers[:, 4:])
+    is_rising = len(numbers) >= MIN_ROWS and bool((np.diff(numbers[:, 0]) > 0).all())
+    return is_rising and are_units(numbers[:, 4:])
 
 
 def _are_rotations(matrices: NDArray[np.float64]) -> bool:
@@ -133,7 +124,8 @@ def _are_rotations(matrices: NDArray[np.float64]) -> bool:
     return bool(np.allclose(products, np.eye(3), rtol=0, atol=_UNIT_TOL))
 
 
-def _are_units(rows: NDArray[np.float64]) -> bool:
+def are_units(rows: NDArray[np.float64]) -> bool:
+    """Whether all rows have length 1."""
     return bool(np.allclose(np.linalg.norm(rows, axis=1), 1, rtol=0, atol=_UNIT_TOL))
 
 

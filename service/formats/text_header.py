@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from service.formats.column_names import find_xyz
-from service.formats.numerals import is_number
+from service.formats.numerals import QUOTED, is_number
 
 DELIMITERS = (";", "\t", ",", "|", None)
 """Delimiters in the order in which they are tried; None: any run of blanks."""
@@ -21,7 +21,6 @@ _LEAD = re.compile(
 """What stands in a comment before the names: "Format: x y z"."""
 _NUMBERING = re.compile(r"(?<!\w)\d{1,3}[:=](?=[A-Za-z])")
 """Numbers of the columns before their names: "1:x 2:y 3:z"."""
-_QUOTED = re.compile(r'"[^"]*"')
 _MAX_COLUMNS = 1000
 """Columns of a table beyond which a line of text is no line of names."""
 
@@ -94,4 +93,4 @@ def without_empty_end(fields: Sequence[str]) -> list[str]:
 
 def _hide_quoted_delimiters(header: str) -> str:
     """Replace delimiters other than blanks within quoted names."""
-    return _QUOTED.sub(lambda found: re.sub(r"[,;|\t]", "_", found[0]), header)
+    return QUOTED.sub(lambda found: re.sub(r"[,;|\t]", "_", found[0]), header)

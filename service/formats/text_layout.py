@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from service.formats.column_names import find_normals
+from service.formats.column_names import find_further, find_normals
 from service.formats.numerals import is_number, is_value
 from service.formats.text_header import (
     DELIMITERS,
@@ -35,6 +35,8 @@ class TextLayout:
     """Number of rows announced in a line of its own."""
     decimal_comma: bool = False
     """Whether commas are decimal points."""
+    is_mixed: bool = False
+    """Whether any run of delimiters separates the fields."""
     is_open: bool = False
     """Whether the last column is a list, so that rows differ in length."""
     warnings: tuple[str, ...] = ()
@@ -49,11 +51,25 @@ def named_layout(header: Header, row: str, index: int) -> TextLayout | None:
             if names.xyz is None or not _fit(names.items, fields, is_open=header.is_open):
                 continue
             if all(is_value(fields[i]) for i in names.xyz):
-                normals, others = find_normals(names.items), _others(names, fields)
                 return TextLayout(
-                    index, delimiter, names.xyz, normals, others, is_open=header.is_open
+                    index,
+                    delimiter,
+                    names.xyz,
+                    find_normals(names.items),
+                    _others(names, fields),
+                    is_open=header.is_open,
+                    warnings=_warn_of_further(names),
                 )
     return None
+
+
+def _warn_of_further(names: Names) -> tuple[str, ...]:
+    """Tell which coordinates are read where a header names more of them."""
+    further = find_further(names.items, names.xyz or ())
+    if not further:
+        return ()
+    listed = ", ".join(names.items[place].strip() for place in names.xyz or ())
+    return (f"the columns {listed!r} are read, and not {', '.join(further)!r}",)
 
 
 def shifted_layout(

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from service.formats.column_names import are_column_names, are_geographic
+from service.formats.degrees import ADVICE
 from service.formats.errors import MalformedFileError, UnsupportedFileError
 from service.formats.numerals import is_number
 from service.formats.text_header import Header, without_empty_end
 
 _MAX_WORDS_OF_NAME = 3
+_MAX_DEGREES = 360.0
+_SYSTEM = re.compile(r"EPSG|GEOG|GEOD|PROJ|\+proj|CRS|WGS|degree", re.IGNORECASE)
+_GEOGRAPHIC = re.compile(
+    r"EPSG\W{0,3}(?:4326|4979|4258|4937|4269|4267|4152|4283|4939|4674|4490|4480|4612|6668|4617|4322"
+    r"|4230|4314|4171|7844|7843|4167|4277|4313|4149|4150|4289|4312|4284|4301|6318|9000)\b"
+    r"|GEOG(?:CS|CRS)\[|GEODCRS\[|\+proj=(?:longlat|latlong)|CRS84|\bgeographic coordinates",
+    re.IGNORECASE,
+)
+"""Coordinate systems of longitude and latitude, by their codes in EPSG or their definitions."""
+_PROJECTED = re.compile(
+    r"EPSG\W{0,3}\d{4,5}|PROJ(?:CS|CRS)\[|\+proj=|UTM|GEOCCS\[|LOCAL_CS\[", re.IGNORECASE
+)
 
 
 def refuse_geographic(header: Header, delimiter: str | None, fields: Sequence[str]) -> None:
@@ -27,6 +41,25 @@ def refuse_geographic(header: Header, delimiter: str | None, fields: Sequence[st
                 "geographic coordinates in degrees; project latitude and longitude to metres, "
                 "and name the columns x, y, z"
             )
+
+
+def refuse_stated_degrees(lines: Sequence[str], fields: Sequence[str]) -> None:
+    """Refuse rows below lines that state a coordinate system in degrees, and no other.
+
+    Raises
+    ------
+    UnsupportedFileError
+        The first two coordinates, `fields`, may be degrees.
+    """
+    text = "\n".join(line for line in lines if _SYSTEM.search(line))
+    geographic = _GEOGRAPHIC.search(text)
+    if geographic is None or _PROJECTED.search(_GEOGRAPHIC.sub("", text)):
+        return
+    if all(is_number(item) and abs(float(item)) <= _MAX_DEGREES for item in fields):
+        raise UnsupportedFileError(
+            f"{geographic[0][:40]!r} before the rows says that the coordinates are longitude and "
+            f"latitude in degrees; expected lengths: {ADVICE}"
+        )
 
 
 def refuse_misplaced(header: Header, fields: Sequence[str], index: int) -> None:

@@ -148,7 +148,7 @@ def _are_narrow(block: TextBlock, dialect: Dialect) -> bool:
     if not dialect.width:
         return True
     content = block.content()
-    if (content == ord('"')).any():
+    if any((content == ord(quote)).any() for quote in "\"'"):
         return False
     is_end = content == ord("\n")
     if dialect.delimiter is None:
@@ -170,7 +170,8 @@ def _parse_quickly(
 ) -> NDArray[np.float64] | None:
     """Parse a large table of plain numbers by a kernel; None where that is not clear to it."""
     is_small = block.end - block.start < MIN_KERNEL_BYTES
-    if is_small or dialect.keyword or dialect.decimal_comma or len({*columns}) < len(columns):
+    is_plain = not (dialect.keyword or dialect.decimal_comma or dialect.is_mixed)
+    if is_small or not is_plain or len({*columns}) < len(columns):
         return None
     try:
         from mpe_core.kernels.decimal_rows import BLANKS, parse_rows

@@ -13,13 +13,13 @@ from service.formats.text_guesses import (
     are_labelled,
     counts_rows,
     has_decimal_commas,
-    refuse_few_long_rows,
+    refuse_long_rows,
     refuse_poses,
-    refuse_rows_and_columns,
     sample_rows,
 )
 from service.formats.text_header import DELIMITERS, Header, without_empty_end
 from service.formats.text_layout import TextLayout, shifted_layout
+from service.formats.text_leading import describe_leading, find_leading
 from service.formats.text_refusals import refuse_geographic, refuse_misplaced, refuse_other_names
 
 
@@ -61,13 +61,11 @@ def unnamed_layout(
             "separate the fields by semicolons, or write decimal points"
         )
     refuse_poses(sample)
-    refuse_rows_and_columns(sample)
-    refuse_few_long_rows(sample)
-    if is_counted:
-        warning = f"column 1 counts the rows; columns 2, 3 and 4 of {len(fields)} are read"
-        return TextLayout(index, delimiter, (1, 2, 3), warnings=(warning,))
-    if count is not None:  # PTS
+    refuse_long_rows(sample)
+    if count is not None and not is_counted:  # PTS
         return TextLayout(index, delimiter)
+    if leading := find_leading(sample):
+        return _behind(*leading, len(fields), index, delimiter)
     warning = f"columns 1, 2 and 3 of {len(fields)} have no names and are read as x, y, z"
     return TextLayout(index, delimiter, warnings=(warning,))
 
@@ -119,9 +117,13 @@ def find_labelled(lines: Sequence[str]) -> TextLayout | None:
         sample = sample_rows([lines[index] for index in rows[: SAMPLED_ROWS + 1]], delimiter)
         if are_labelled(sample):
             is_counted = counts_rows([row[1:] for row in sample])
-            what = "columns 1 and 2 label" if is_counted else "column 1 labels"
-            xyz = (2, 3, 4) if is_counted else (1, 2, 3)
-            listed = "{}, {} and {}".format(*(place + 1 for place in xyz))
-            warning = f"{what} the points; columns {listed} of {len(sample[0])} are read"
-            return TextLayout(rows[0], delimiter, xyz, warnings=(warning,))
+            what = "label the points" if is_counted else "labels the points"
+            return _behind(1 + is_counted, what, len(sample[0]), rows[0], delimiter)
     return None
+
+
+def _behind(leading: int, what: str, width: int, index: int, delimiter: str | None) -> TextLayout:
+    """Return the three columns behind the first ones, which are something else."""
+    xyz = (leading, leading + 1, leading + 2)
+    warning = describe_leading(leading, what, width)
+    return TextLayout(index, delimiter, xyz, warnings=(warning,))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,22 +14,22 @@ _UNIT_TOL = 0.01
 
 
 def name_columns(
-    table: NDArray[np.generic], first: int, names: list[str] | None = None
+    table: NDArray[np.generic], numbers: Sequence[int], names: list[str] | None = None
 ) -> dict[str, NDArray[np.generic]]:
     """Name columns by their place; three unit vectors are normals, three whole bytes colours.
 
     Parameters
     ----------
     table
-        (N, K) columns after the coordinates.
-    first
-        Number of the first column in the file, from 1.
+        (N, K) columns beside the coordinates.
+    numbers
+        Of the K columns in the file, from 1.
     names
         Of a file in pieces: receives the names by the first piece, which the others then have.
     """
     if names:
         return {name: _to_bytes(name, table[:, i]) for i, name in enumerate(names)}
-    named = _find_names(table, first)
+    named = _find_names(table, numbers)
     if names is not None and len(table):
         names += named
     return named
@@ -41,14 +43,16 @@ def _to_bytes(name: str, column: NDArray[np.generic]) -> NDArray[np.generic]:
     return narrow if (narrow == column).all() else column
 
 
-def _find_names(table: NDArray[np.generic], first: int) -> dict[str, NDArray[np.generic]]:
+def _find_names(
+    table: NDArray[np.generic], numbers: Sequence[int]
+) -> dict[str, NDArray[np.generic]]:
     named: dict[str, NDArray[np.generic]] = {}
     column = 0
     while column < table.shape[1]:
         part = table[:, column : column + 3]
         names = _triple_names(part) if part.shape[1] == 3 else None
         if names is None or names[0] in named:
-            named[f"column_{first + column}"] = table[:, column]
+            named[f"column_{numbers[column]}"] = table[:, column]
             column += 1
             continue
         kind = np.uint8 if names == _COLORS else part.dtype

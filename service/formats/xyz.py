@@ -27,7 +27,7 @@ from service.formats.text_block import (
     skip_lines,
     split_text,
 )
-from service.formats.text_cleaner import Dialect, TableCleaner
+from service.formats.text_cleaner import Dialect, TableCleaner, unify_delimiters
 from service.formats.text_detection import detect_layout
 from service.formats.text_encoding import decode_lines
 from service.formats.text_guesses import sample_rows
@@ -121,6 +121,8 @@ class _Text:
             raise MalformedFileError(
                 f"line 1 to {len(head)}: no line of three numbers; expected one point a line"
             )
+        if layout.is_mixed:
+            head = [unify_delimiters(line) for line in head]
         if weights is not None and weights not in layout.others:
             raise missing_attribute(weights, layout.others)
         columns = layout.xyz + (layout.normals or ())
@@ -184,10 +186,11 @@ def _read_attributes(
         return {}, (f"the columns beside the coordinates are not kept: {error}",)
     if layout.others:
         return {name: _narrow(table[:, i]) for i, name in enumerate(places)}, warnings
+    numbers = [place + 1 for place in places.values()]
     if layout.count is not None and table.shape[1] in (1, 4):  # PTS
-        named = {"intensity": table[:, 0]} | name_columns(table[:, 1:], 5, names)
+        named = {"intensity": table[:, 0]} | name_columns(table[:, 1:], numbers[1:], names)
     else:
-        named = name_columns(table, 4, names)
+        named = name_columns(table, numbers, names)
     return {name: _narrow(column) for name, column in named.items()}, warnings
 
 
@@ -210,6 +213,7 @@ def _make_cleaner(lines: list[str], layout: TextLayout, columns: tuple[int, ...]
     dialect = Dialect(
         layout.delimiter,
         decimal_comma=layout.decimal_comma,
+        is_mixed=layout.is_mixed,
         has_counts=has_counts,
         width=len(fields) if may_shift else 0,
     )

@@ -41,7 +41,8 @@ class TextDialect:
     title: str
     """Lines before the names."""
     has_units: bool
-    is_quoted: bool
+    quote: str
+    """Sign around each word, or nothing."""
     ends_rows: bool
     """Whether each line ends with a delimiter."""
     missing: str | None
@@ -71,7 +72,7 @@ class TextDialect:
             mark=random.choice(("", "", "", "# ", "#", "//", "% ")),
             title=random.choice(("", "", "", "made by hand{eol}", "# scan 7 of 12{eol}{eol}")),
             has_units=random.random() < 0.1,
-            is_quoted=random.random() < 0.1,
+            quote=random.choice(("'", '"')) if random.random() < 0.15 else "",
             ends_rows=random.random() < 0.1,
             missing=random.choice(_MISSING) if random.random() < 0.2 else None,
             has_count=random.random() < 0.1,
@@ -112,6 +113,5 @@ class TextDialect:
 
     def _join(self, words: list[str]) -> str:
         ordered = [words[column] for column in self.order]
-        if self.is_quoted:
-            ordered = [f'"{word}"' for word in ordered]
+        ordered = [self.quote + word + self.quote for word in ordered]
         return self.delimiter.join(ordered) + (self.delimiter if self.ends_rows else "")

@@ -58,6 +58,27 @@ def test_a_transformation_matrix_is_no_cloud(tmp_path: Path) -> None:
         decode(tmp_path, npy(np.eye(4)))
 
 
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.ones((48, 64), np.float32),
+        np.ones((480, 64), np.uint16),
+        np.ones((64, 512)),
+        np.ones((48, 64, 3), np.uint8),
+        np.ones((48, 64, 4), np.uint8),
+    ],
+)
+def test_pictures_are_no_clouds(tmp_path: Path, array: np.ndarray) -> None:
+    pixels = np.random.default_rng(0).uniform(0, 255, array.shape).astype(array.dtype)
+    for content in (npy(pixels), npz(points=pixels)):
+        with pytest.raises(UnsupportedFileError, match="pixels of a picture"):
+            decode(tmp_path, content)
+
+
+def test_many_numbers_of_each_point_are_no_picture(tmp_path: Path) -> None:
+    assert len(decode(tmp_path, npy(np.ones((4000, 64), np.float32))).points) == 4000
+
+
 def test_arrays_that_may_be_several_clouds_are_told(tmp_path: Path) -> None:
     assert "2 rows and 20 columns" in decode(tmp_path, npy(POINTS.reshape(2, 20, 3))).warnings[0]
 

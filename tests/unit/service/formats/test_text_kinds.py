@@ -65,6 +65,24 @@ READ = {
     "numbers before the names": ("# 1:t 2:x 3:y 4:z", "{i} {x} {y} {z}"),
     "colours as words": ("color,t,x,y,z", "#ff80{i:02},{i},{x},{y},{z}"),
     "east, north, up": ("id,E,N,U", "{i},{x},{y},{z}"),
+    "axes with a number": ("id,x0,y0,z0", "{i},{x},{y},{z}"),
+    "more coordinates": ("E,N,H,x,y,z", "1,2,3,{x},{y},{z}"),
+    "single quotes": ("'a, b';'x';'y';'z'", "'P; {i}';'{x}';'{y}';'{z}'"),
+    "apostrophes": ("name;x;y;z;owner", "farmer's;{x};{y};{z};miller's"),
+    "two delimiters": ("", "{x}, {y} {z}"),
+    "three delimiters": ("t x,y;z", "{i} {x},{y};{z}"),
+    "another system": ("# GEOGCS of PROJCS: EPSG:32632", "{x} {y} {z}"),
+    "seconds of UNIX": ("", "16000000{i:02}.25 {x} {y} {z} 7"),
+    "colours before": ("", "255 {i} 0 {x} {y} {z}"),
+    "numbers of points": ("", "10{i}7,{x},{y},{z},tree"),
+}
+LEADING = {
+    "": None,
+    "{i} ": "column 1 counts the rows; columns 2, 3 and 4",
+    "7{i}3 ": "column 1 labels the points; columns 2, 3 and 4",
+    "16000000{i:02}.5 ": "column 1 is taken for time; columns 2, 3 and 4",
+    "9 8 {i} ": "columns 1 to 3 are taken for colours; columns 4, 5 and 6",
+    "P{i} ": "column 1 labels the points; columns 2, 3 and 4",
 }
 
 
@@ -72,6 +90,21 @@ READ = {
 def test_tables_are_read(tmp_path: Path, name: str) -> None:
     cloud = read_points(write_file(tmp_path, table(*READ[name])))
     np.testing.assert_allclose(cloud.points, POINTS, rtol=0, atol=6e-4)
+
+
+@pytest.mark.parametrize("leading", LEADING)
+@pytest.mark.parametrize("is_comma", [False, True], ids=["points", "commas"])
+def test_what_stands_before_the_coordinates_is_told(
+    tmp_path: Path, leading: str, is_comma: bool
+) -> None:
+    content = table("", leading + "{x} {y} {z}")
+    content = content.replace(b".", b",") if is_comma else content
+    cloud = read_points(write_file(tmp_path, content), attributes=True)
+    np.testing.assert_allclose(cloud.points, POINTS, rtol=0, atol=6e-4)
+    told = " ".join(cloud.warnings)
+    assert (LEADING[leading] or "") in told
+    assert ("commas are read" in told) == is_comma
+    assert ("northing" in told) == bool(leading), "northing before easting is a mirror image"
 
 
 REFUSED = {
@@ -95,6 +128,16 @@ REFUSED = {
     "two coordinates": (("x,y,intensity", "{x},{y},{z}"), "convert other coordinates"),
     "a turning scanner": (("#ANGLE, DISTANCE, QUALITY", "{x} {y} {z}"), "convert other"),
     "TetGen": (("40 3 0 0", "{i} {x} {y} {z}"), "TetGen"),
+    "coordinates twice": (("x0,y0,z0,x1,y1,z1", "{x},{y},{z},{x},{y},{z}"), "called 'x0, y0"),
+    "axes twice": (("E,N,H,pos_x,pos_y,pos_z", "{x},{y},{z},{x},{y},{z}"), "called 'E, N"),
+    "classes before": (("", "2 {x} {y} {z}"), "classes.*names the columns"),
+    "a clock before": (("", "{i}.5 {x} {y} {z}"), "as time does"),
+    "a picture": (("", "{x} {y} {z} " * 30), "depth image"),
+    "both decimals": (("", "1.5 {i},5 2,5"), "some have commas"),
+    "EPSG": (("# EPSG:4326", "8.{i} 47.{i} 400"), "EPSG:4326.*degrees"),
+    "EPSG under names": (("# CRS: WGS 84 (EPSG:4979)\nx,y,z", "8.{i},47.{i},400"), "degrees"),
+    "a definition": (('// GEOGCS["WGS 84",DATUM["WGS_1984"]]', "8.{i} 47.{i} 400"), "degrees"),
+    "PROJ": (("# +proj=longlat +datum=WGS84", "8.{i} 47.{i} 400"), "degrees"),
 }
 
 
