@@ -29,7 +29,8 @@ def read_gltf(
     """Read the meshes of a glTF 2.0 file (.glb, or .gltf with embedded data), placed by nodes."""
     check_whole_size(path, limits)
     with without_draco(path, limits) as plain:
-        points, triangles, kept = _load(plain, check_gltf(plain, limits))
+        kind, names = check_gltf(plain, limits)
+        points, triangles, kept = _load(plain, kind)
     if len(points) == 0:
         raise MalformedFileError("the mesh has no vertices")
     check_count(len(points), 0, 0, "the vertices", limits)
@@ -37,9 +38,17 @@ def read_gltf(
     return DecodedCloud(
         points,
         "gltf",
+        _warn_of_lost(names, kept) if attributes else (),
         attributes=kept if attributes else {},
         faces=triangles if faces and len(triangles) else None,
     )
+
+
+def _warn_of_lost(names: list[str], kept: dict[str, NDArray[np.generic]]) -> tuple[str, ...]:
+    """Name the attributes of the file that are not among those that are kept."""
+    found = {f"_{name}" for name in kept} | ({"COLOR_0"} if RGB[0] in kept else set())
+    lost = ", ".join(repr(name[:40]) for name in names if name not in found)
+    return (f"attributes of the vertices that are not kept: {lost}"[:400],) if lost else ()
 
 
 def _load(

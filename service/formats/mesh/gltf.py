@@ -33,8 +33,8 @@ def sniff(head: bytes) -> bool:
     return head.lstrip()[:1] == b"{" and any(b'"%s"' % key in head for key in _TOP_LEVEL_KEYS)
 
 
-def check_gltf(path: Path, limits: ReadLimits) -> str:
-    """Check the announced sizes; return "glb" or "gltf".
+def check_gltf(path: Path, limits: ReadLimits) -> tuple[str, list[str]]:
+    """Check the announced sizes; return "glb" or "gltf", and the attributes of the vertices.
 
     Raises
     ------
@@ -56,13 +56,19 @@ def check_gltf(path: Path, limits: ReadLimits) -> str:
     try:
         document = json.loads(text)
         _check_document(document, size, limits)
+        names = _attribute_names(document)
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         if isinstance(error, (MalformedFileError, FileLimitError, UnsupportedFileError)):
             raise
         raise MalformedFileError(
             f"the JSON of the glTF file is not valid: {error!r}"[:300]
         ) from None
-    return "glb" if binary else "gltf"
+    return "glb" if binary else "gltf", names
+
+
+def _attribute_names(document: dict[str, Any]) -> list[str]:
+    parts = [part for mesh in document.get("meshes", []) for part in mesh["primitives"]]
+    return sorted({name for part in parts for name in part["attributes"]} - {"POSITION"})
 
 
 def _check_binary_header(head: bytes, size: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -26,6 +27,8 @@ _LAS_STEPS = 2_000_000_000
 """Steps of the scale across the extent; LAS stores 32-bit counts of it."""
 _RELATIVE_STEP = 1e-8
 """Step of the scale as a share of the extent, where the source has no scale of its own."""
+_FORBIDDEN = re.compile(r"[\s\x00-\x1f\x7f:]")
+"""Characters of names: laspy writes rows as a buffer, whose fields have no colon."""
 _MAX_NAME_BYTES = 32
 _MAX_ROW_BYTES = 60_000
 """Bytes of a point; LAS counts them in 16 bits."""
@@ -95,7 +98,7 @@ def _encode(cloud: Outgoing) -> _Encoded:
     cloud.drop_non_finite()
     cloud.drop_columns(WAVEFORM_NAMES)
     _use_16_bit_colors(cloud)
-    cloud.rename(max_bytes=_MAX_NAME_BYTES)
+    cloud.rename(_FORBIDDEN, _MAX_NAME_BYTES)
     header = _make_header(laspy, cloud)
     standard, extra = _place_columns(cloud, header.point_format)
     header.add_extra_dims(
