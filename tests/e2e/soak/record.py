@@ -21,6 +21,8 @@ class Record:
     answers: Counter[str] = field(default_factory=Counter)
     done: Counter[str] = field(default_factory=Counter)
     """How often each kind of request was begun."""
+    rests: int = 0
+    """How often a client waited as a refusal asked it to."""
     events: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
     disturbed: list[tuple[float, float]] = field(default_factory=list)

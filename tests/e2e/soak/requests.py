@@ -25,6 +25,8 @@ DOCUMENTS = (
     *("/", "/livez", "/readyz", "/metrics", "/openapi.json", "/v1/capacity", "/v1/formats"),
     *(f"{JOBS}?limit=20", f"{JOBS}?status=succeeded", f"{CLOUDS}?limit=20"),
 )
+MAX_REST = 2.0
+"""Longest pause after a refusal, as a multiple of the one it asks for: not all return at once."""
 MIN_KEPT = 5
 """Jobs that a tenant keeps at least."""
 CLOUD_NAMES = ("a", "b", "c")
@@ -59,6 +61,13 @@ class Honest:
         act = self.rng.choices(list(kinds), list(kinds.values()))[0]
         self.record.done[act.__name__] += 1
         act()
+
+    def rest(self, response: httpx.Response) -> None:
+        """Wait after a refusal for as long as it asks for, or some time more."""
+        asked_s = float(response.headers.get("Retry-After", 0))
+        if response.is_error and asked_s:
+            self.record.rests += 1
+            self.record.is_over.wait(asked_s * self.rng.uniform(1, MAX_REST))
 
     def submit_files(self) -> None:
         """Two files in a form; sometimes with a wait or a callback."""

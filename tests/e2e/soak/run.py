@@ -89,9 +89,12 @@ class Soak:
         with caller(self.server, key) as client:
             client.timeout = httpx.Timeout(30)
             honest = Honest(tenant, client, self.traps, self.record, rng)
+            is_hostile = number % HOSTILE_EVERY == 0
+            if not is_hostile:
+                client.event_hooks = {"response": [honest.rest]}
             while not over.is_set():
                 try:
-                    if number % HOSTILE_EVERY == 0:
+                    if is_hostile:
                         job = next(iter(self.record.jobs_of(tenant)), "")
                         attack = rng.choice(list(ATTACKS.values()))
                         attack(Target(port, key, self.traps, job, over), rng)
@@ -139,6 +142,7 @@ class Soak:
             "how they ended": dict(ends),
             "requests": dict(sorted(record.done.items())),
             "answers": dict(sorted(record.answers.items())),
+            "waits that a refusal asked for": record.rests,
             "killed, suspended, disk filled": dict(record.events),
             "errors logged": dict(logged_errors(self.server.log)),
             "/livez p50, p99 (ms), calls": (*percentiles_ms(calm[0]), len(calm[0])),
