@@ -14,6 +14,7 @@ from service.formats.column_words import (
     POLAR,
     QUALIFIERS,
     SURVEY,
+    SYSTEMS,
 )
 
 _XYZ = (("x", "y", "z"),)
@@ -34,6 +35,7 @@ _WORD = re.compile(
     r"|(?<=[\u3000-\u9fff\uac00-\ud7af])(?=[xyz])"
 )
 """Place between words; xcoord and x座標 are two."""
+_BETWEEN = re.compile(r"[\s.\-]+")
 _BRACKETED_AXIS = re.compile(r"[\[({]([xyzXYZ])[\])}]")
 _MAX_NAME_CHARACTERS = 200
 """Characters from which on a text is no name: a unit is looked for in quadratic time."""
@@ -68,10 +70,24 @@ def find_xyz(names: Sequence[str]) -> tuple[int, ...] | None:
     """
     if len(names) < 3:  # each line of a long comment is asked
         return None
-    if (exact := _find_triple(names, _XYZ)) is not None:
-        return exact
-    found = _find_likely(names)
-    return None if found is None or find_further(names, found) else found
+    found = _find_triple(names, _XYZ)
+    if found is None:
+        found = _find_likely(names)
+        found = None if found is None or find_further(names, found) else found
+    return None if found is None else _with_east_first(names, found)
+
+
+def _with_east_first(names: Sequence[str], xyz: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the columns x, y, z, or y, x, z where their names say that x is north."""
+    x, y, z = xyz
+    east, north = (_long_words(known) for known in SURVEY[:2])
+    beside_x, beside_y = ({*_WORD.split(names[place].lower())} for place in (x, y))
+    return (y, x, z) if beside_x & north and beside_y & east else xyz
+
+
+def _long_words(words: frozenset[str]) -> set[str]:
+    """Return the words that are no mere letters, which may mean something else."""
+    return {word for word in words if len(word) >= _MIN_SURVEY_WORD or not word.isascii()}
 
 
 def find_further(names: Sequence[str], xyz: Sequence[int]) -> list[str]:
@@ -154,13 +170,13 @@ def _find_survey(bare: Sequence[str]) -> tuple[int, ...] | None:
 
 def _find_places(bare: Sequence[str], known: frozenset[str]) -> list[int]:
     """Find the names that are known, or else known with a qualifying word."""
-    exact = [place for place, name in enumerate(bare) if name in known]
+    exact = [place for place, name in enumerate(bare) if _BETWEEN.sub("_", name) in known]
     words = [{*_WORD.split(name)} for name in bare]
     return exact or [
         place
         for place, found in enumerate(words)
         if len(beside := found - known) < len(found) and beside and beside <= QUALIFIERS
-        if all(len(word) > 1 for word in found & known)
+        if all(len(word) > 1 for word in found & known) or (SYSTEMS & beside) == beside
     ]
 
 
@@ -182,23 +198,24 @@ def _find_axes(names: Sequence[str], bare: Sequence[str]) -> tuple[int, ...] | N
     That of z may be a word for heights.
     """
     axes: dict[str, list[tuple[int, str]]] = {"x": [], "y": [], "z": []}
+    plane, height = _long_words(SURVEY[0] | SURVEY[1]), _long_words(SURVEY[2])
     for place, name in enumerate(names):
         words = _WORD.split(_normalize(_BRACKETED_AXIS.sub(r"_\1", name)))
         letters = [word for word in words if word in axes]
         if len(letters) != 1:
             continue
-        survey = SURVEY["xyz".index(letters[0])]
         others = [word for word in words if word != letters[0]]
-        others = [word for word in others if word not in survey or len(word) < _MIN_SURVEY_WORD]
-        if PLACE_WORDS.issuperset(others):
+        others = [word for word in others if word not in (height if letters == ["z"] else plane)]
+        if (QUALIFIERS if letters == ["z"] else PLACE_WORDS).issuperset(others):
             axes[letters[0]].append((place, " ".join(filter(None, others))))
     heights = _find_places(bare, SURVEY[2])
     if not axes["z"] and axes["x"] and len(heights) == 1:
         axes["z"] = [(heights[0], axes["x"][0][1])]
     if any(len(found) != 1 for found in axes.values()):
         return None
-    columns, kinds = zip(*(found[0] for found in axes.values()), strict=True)
-    return columns if len({*kinds}) == 1 else None
+    columns, (kind_x, kind_y, kind_z) = zip(*(found[0] for found in axes.values()), strict=True)
+    is_datum = not PLACE_WORDS.issuperset(kind_z.split())
+    return columns if kind_x == kind_y and (is_datum or kind_z == kind_x) else None
 
 
 def are_other_quantities(names: Sequence[str]) -> bool:

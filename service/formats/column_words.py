@@ -9,7 +9,7 @@ SURVEY = (
             *("rechtswert", "rechts", "rw", "ostwert", "ost", "este", "est", "x", "coord_x"),
             *("leste", "øst", "oest", "öst", "oost", "itä", "vychod", "východ", "wschód", "wschod"),
             *("восток", "схід", "изток", "istok", "kelet", "doğu", "sağa", "ida", "rytai"),
-            *("đông", "timur", "东", "东坐标", "東", "東座標", "동"),
+            *("đông", "timur", "东", "东坐标", "東", "東座標", "동", "شرق", "מזרח"),
         )
     ),
     frozenset(
@@ -18,7 +18,7 @@ SURVEY = (
             *("hochwert", "hoch", "hw", "nordwert", "nord", "norte", "y", "coord_y"),
             *("noord", "norr", "pohjoinen", "sever", "sjever", "północ", "polnoc", "север"),
             *("північ", "észak", "kuzey", "yukarı", "põhi", "šiaurė", "bắc", "utara"),
-            *("北", "北坐标", "北座標", "북"),
+            *("北", "北坐标", "北座標", "북", "شمال", "צפון"),
         )
     ),
     frozenset(
@@ -29,12 +29,33 @@ SURVEY = (
             *("wysokosc", "visina", "magasság", "yükseklik", "kot", "kõrgus", "aukštis"),
             *("высота", "отметка", "висота", "височина", "кота", "cao độ", "tinggi", "elevasi"),
             *("高程", "標高", "高さ", "표고", "높이", "altitud", "altitudine"),
-            *("elevación", "elevação", "élévation", "elevazione"),
+            *("elevación", "elevação", "élévation", "elevazione", "高", "ارتفاع", "גובה"),
+            *("rl", "aod", "nap", "ngf", "ahd"),
         )
     ),
 )
 """Names of surveyors for east, north and height, in some languages."""
-PLACE_WORDS = frozenset(
+SYSTEMS = frozenset(
+    (
+        *("mga", "mga94", "mga2020", "rd", "l93", "lambert", "lambert93", "gk", "mgi", "lv95"),
+        *(
+            "lv03",
+            "osgb",
+            "osgb36",
+            "bng",
+            "itm",
+            "eov",
+            "sjtsk",
+            "jtsk",
+            "sweref99",
+            "utm",
+            "tm35",
+        ),
+        *("utm31", "utm32", "utm33", "utm34", "utm35", "etrs89", "etrf", "itrf", "grid", "tm35"),
+    )
+)
+"""Names of coordinate systems beside the letters of their axes: E_MGA, X_L93."""
+PLACE_WORDS = SYSTEMS | frozenset(
     (
         *("", "coord", "coords", "coordinate", "coordinates", "koordinate", "pos", "position"),
         *("coördinaat", "coordinaat", "coordenada", "coordonnée", "coordonnee", "coordinata"),
@@ -50,6 +71,7 @@ QUALIFIERS = PLACE_WORDS | frozenset(
     (
         *("ortho", "orthometric", "ellipsoid", "ellipsoidal", "ellip", "grid", "ground", "gnss"),
         *("ngf", "nn", "nhn", "nap", "dhhn", "msl", "amsl", "navd", "navd88", "rh2000", "n2000"),
+        *("ahd", "aod", "ü", "über", "evrf", "kronstadt"),
     )
 )
 """Words beside the names of surveyors: Ortho. Height, Grid Easting."""

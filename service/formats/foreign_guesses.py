@@ -6,7 +6,7 @@ import re
 
 _GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
     (
-        re.compile(rb"[\[({]\s*[+-]?[\d.]"),
+        re.compile(rb"(?:[^\n]{0,200}\n)?(?:[\w.]{0,40}[;,\t ])?[\"']?c?[\[({]{1,2}\s*[+-]?[\d.]"),
         "rows in brackets: write one point a line, x y z, without them, or save the array as .npy",
     ),
     (
@@ -51,6 +51,12 @@ _GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
     (
         re.compile(rb"(?:[^\n]{0,200}\n)?[^\n]{0,200}\b(?:MULTI)?POINT ?Z? ?\(", re.IGNORECASE),
         "geometry as WKT: export the coordinates as columns x, y and z",
+    ),
+    (
+        re.compile(
+            rb"(?:[^\n]{0,200}\n)?[-+\d.eE]{1,30} ?([:/^~&!_]) ?[-+\d.eE]{1,30} ?\1 ?[-+\d.eE]"
+        ),
+        "numbers between signs of another kind: use blanks, commas, semicolons, tabs or bars",
     ),
     (
         re.compile(rb"[^\n]{0,200}\d\.\d{1,9}[+-]\d{1,9}\."),

@@ -38,8 +38,11 @@ def test_names_of_other_systems(names: tuple[str, ...]) -> None:
     assert find_xyz(["i", *names]) == (1, 2, 3)
 
 
-def test_words_that_contradict_the_letters() -> None:
-    assert find_xyz(["Y/Easting", "X/Northing", "H"]) is None
+def test_directions_decide_over_the_letters() -> None:
+    """East, north, up is right-handed; X to the north and Y to the east are a mirror image."""
+    for x, y in (("X/Northing", "Y/Easting"), ("X (North)", "Y (East)"), ("x_norte", "y_este")):
+        assert find_xyz([x, y, "H"]) == find_xyz([x, y, "Z"]) == (1, 0, 2)
+        assert find_xyz([y, x, "H"]) == (0, 1, 2)
 
 
 @pytest.mark.parametrize("pattern", ["acc.{a}", "n{a}", "{a}_std", "rot_{a}", "axis{A}", "v{a}"])
