@@ -18,6 +18,7 @@ from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.range_image import RangeImage
 from mpe_core.geometry.rigid import apply, inverse
 from mpe_core.geometry.sampling import take_every
+from mpe_core.geometry.viewpoints import as_viewpoints
 from mpe_core.pipeline import PosePipeline
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import QUICK, THOROUGH
@@ -94,8 +95,8 @@ def _standing(pair: Pair, trial: Trial, T: Array) -> tuple[Array, Array, Array]:
     options = viewpoint_options(pair, trial)
     source, target = (take_every(cloud, DRAWN) for cloud in (trial.source, trial.target))
     images = (
-        RangeImage(trial.target, np.array(options.target_viewpoint)),
-        RangeImage(trial.source, np.array(options.source_viewpoint)),
+        RangeImage(trial.target, as_viewpoints(options.target_viewpoint)),
+        RangeImage(trial.source, as_viewpoints(options.source_viewpoint)),
     )
     moved = apply(T, source)
     of_source = compare_with(images[0], moved)[0]

@@ -46,8 +46,8 @@ class Options(TypedDict, total=False):
     source_gravity: Vector | None
     target_gravity: Vector | None
     yaw_only: bool
-    source_viewpoint: Vector | None
-    target_viewpoint: Vector | None
+    source_viewpoint: Vector | Sequence[Vector] | None
+    target_viewpoint: Vector | Sequence[Vector] | None
     ignore_file_viewpoints: bool
     infer_viewpoints: Literal["auto", "never"]
     keep_no_data: bool

@@ -53,8 +53,8 @@ class Deviation:
     distances: NDArray[np.float64]
     """(N,) distances in the unit of the target; NaN for rows that are not finite."""
     is_signed: bool
-    """Whether points before the surface (on the side of its normals, or of the viewpoint) are
-    positive and points behind it negative; otherwise all are positive."""
+    """Whether points before the surface (on the side of its normals, or of the nearest viewpoint)
+    are positive and points behind it negative; otherwise all are positive."""
 
     def summarize(
         self, tolerances: Sequence[float] = (), max_distance: float = np.inf
@@ -111,7 +111,8 @@ def measure_deviation(
     target_normals
         (M, 3) normals that point out of the target, so that distances have a sign.
     target_viewpoint
-        Position of the scanner in the target's frame, for the sign where there are no normals.
+        Place (3,) of the scanner in the target's frame, or places (k, 3) of several, for the sign
+        where there are no normals.
     target_faces
         (F, 3) triangles of a target that is a mesh, as rows of its points: the distances are those
         from the triangles, exactly, and have a sign where the faces agree about their sides.

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpe_core.errors import InvalidOptionsError
 from mpe_core.geometry.transform_forms import read_rigid_transform
-from mpe_core.geometry.validation import MAX_COORDINATE
+from mpe_core.geometry.vector_forms import read_numbers, read_places
 
 Vector = tuple[float, float, float]
 _Row = tuple[float, float, float, float]
 Matrix = tuple[_Row, _Row, _Row, _Row]
+
+Viewpoints = Vector | tuple[Vector, ...]
+"""Place of the scanner, or places of several."""
+
+MAX_VIEWPOINTS = 256
+"""Places of one cloud: each takes 0.15 MB of range images (docs/tuning.md)."""
 
 Method = Literal["mpl", "mpe"]
 METHODS: tuple[Method, ...] = ("mpl", "mpe")
@@ -116,17 +124,19 @@ class RegistrationOptions:
     """Whether both scans are levelled, so that the pose turns about the vertical alone. Gravity
     points along -z, or as given by source_gravity and target_gravity."""
 
-    source_viewpoint: Vector | None = None
-    """Position of the scanner in the source's frame. With target_viewpoint, points that stand in
-    what the other scanner saw through count against a pose, and surfaces that were seen from
-    opposite sides are not matched, so that thin parts do not flip."""
+    source_viewpoint: Viewpoints | None = None
+    """Position of the scanner in the source's frame; of a cloud merged from several scans a list of
+    up to 256 positions, each of which counts for the points nearest to it. With target_viewpoint,
+    points that stand in what the other scanner saw through count against a pose, and surfaces that
+    were seen from opposite sides are not matched, so that thin parts do not flip."""
 
-    target_viewpoint: Vector | None = None
-    """Position of the scanner in the target's frame."""
+    target_viewpoint: Viewpoints | None = None
+    """Position of the scanner in the target's frame, or a list of positions."""
 
     ignore_file_viewpoints: bool = False
-    """Whether the scanners' positions that both files tell are not used. By default they are where
-    source_viewpoint is not given, and a warning tells so. Arrays tell none."""
+    """Whether the scanners' positions that both files tell, one for each scan in them, are not
+    used. By default they are where source_viewpoint is not given, and a warning tells so. Arrays
+    tell none."""
 
     infer_viewpoints: InferViewpoints = "auto"
     """Whether the scanners' positions may be told from the order of the points. "auto": where no
@@ -179,10 +189,10 @@ class RegistrationOptions:
                     f"{name} must be true or false, got {getattr(self, name)!r}"
                 )
         for kind in ("gravity", "viewpoint"):
-            self._check_vectors(f"source_{kind}", f"target_{kind}")
-        for name in ("source_gravity", "target_gravity"):
-            if getattr(self, name) == (0, 0, 0):
-                raise InvalidOptionsError(f"{name} must be a direction, got the zero vector")
+            self._check_both_given(f"source_{kind}", f"target_{kind}")
+        for role in ("source", "target"):
+            self._check_gravity(f"{role}_gravity")
+            self._check_viewpoints(f"{role}_viewpoint")
         if self.initial_transform is not None:
             self._check_initial_transform()
         _check_positive("max_rotation_deg", self.max_rotation_deg, maximum=180)
@@ -204,27 +214,38 @@ class RegistrationOptions:
                     f"scale must be one of {SCALES} or [least, most], got {self.scale!r}"
                 )
             return
-        least, most = _numbers("scale", self.scale, (2,)).tolist()
+        least, most = _read("scale", lambda: read_numbers(self.scale, (2,)))
         if not 0 < least <= most:
             raise InvalidOptionsError(
                 f"scale must be [least, most] with 0 < least <= most, got {self.scale!r}"
             )
         self._replace("scale", (least, most))
 
-    def _check_vectors(self, *names: str) -> None:
+    def _check_both_given(self, *names: str) -> None:
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) == 1:
             (missing,) = set(names) - set(given)
             raise InvalidOptionsError(f"{given[0]} needs {missing}: give both or neither")
-        for name in given:
-            self._replace(name, tuple(_numbers(name, getattr(self, name), (3,)).tolist()))
+
+    def _check_gravity(self, name: str) -> None:
+        given = getattr(self, name)
+        if given is None:
+            return
+        gravity = tuple(_read(name, lambda: read_numbers(given, (3,))))
+        if gravity == (0, 0, 0):
+            raise InvalidOptionsError(f"{name} must be a direction, got the zero vector")
+        self._replace(name, gravity)
+
+    def _check_viewpoints(self, name: str) -> None:
+        given = getattr(self, name)
+        if given is None:
+            return
+        places = tuple(map(tuple, _read(name, lambda: read_places(given, MAX_VIEWPOINTS))))
+        self._replace(name, places[0] if len(places) == 1 else places)
 
     def _check_initial_transform(self) -> None:
-        try:
-            T = read_rigid_transform(self.initial_transform)
-        except ValueError as error:
-            raise InvalidOptionsError(f"initial_transform {error}") from None
-        self._replace("initial_transform", tuple(tuple(row) for row in T.tolist()))
+        T = _read("initial_transform", lambda: read_rigid_transform(self.initial_transform))
+        self._replace("initial_transform", tuple(map(tuple, T)))
 
     def _check_purpose(self) -> None:
         """Refuse what the chosen method would ignore."""
@@ -257,19 +278,9 @@ def _check_positive(name: str, value: object, maximum: float = sys.float_info.ma
         raise InvalidOptionsError(f"{name} must be a number above 0{limit}, got {value!r}")
 
 
-def _numbers(
-    name: str, value: Any, shape: tuple[int, ...]
-) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Convert the value to an array of this shape."""
+def _read(name: str, read: Callable[[], NDArray[np.float64]]) -> Any:
+    """Return what is read as lists of numbers; errors begin with the name of the option."""
     try:
-        array = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != shape or not np.isfinite(array).all():
-        size = " x ".join(str(n) for n in shape)
-        raise InvalidOptionsError(f"{name} must be {size} finite numbers, got {value!r}")
-    if np.abs(array).max() > MAX_COORDINATE:
-        raise InvalidOptionsError(
-            f"{name} must hold numbers of at most {MAX_COORDINATE:g}, got {np.abs(array).max():g}"
-        )
-    return array
+        return read().tolist()
+    except ValueError as error:
+        raise InvalidOptionsError(f"{name} {error}") from None

@@ -364,8 +364,8 @@ def choose_planes(
 
 
 def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | None:
-    """Free space of both scans; None unless both viewpoints are known, and near."""
-    if source.viewpoint is None or target.viewpoint is None:
+    """Free space of both clouds; None unless the viewpoints of both are known, and near."""
+    if source.viewpoints is None or target.viewpoints is None:
         return None
-    free_space = FreeSpace(source.fine, target.fine, source.viewpoint, target.viewpoint)
+    free_space = FreeSpace(source.fine, target.fine, source.viewpoints, target.viewpoints)
     return free_space if free_space.tells_depths else None

@@ -86,10 +86,10 @@ def register(
                 name,
                 weights,
                 keep_no_data=options.keep_no_data,
-                viewpoint=viewpoint,
+                viewpoints=viewpoints,
                 colors=colors,
             )
-            for cloud, name, weights, viewpoint, colors in (
+            for cloud, name, weights, viewpoints, colors in (
                 (source, "source", source_weights, options.source_viewpoint, source_colors),
                 (target, "target", target_weights, options.target_viewpoint, target_colors),
             )

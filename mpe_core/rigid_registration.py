@@ -252,8 +252,8 @@ def _keep_near_parts(pair: CloudPair, options: RegistrationOptions) -> CloudPair
     """Return the pair without the far parts of long narrow clouds, or the same pair."""
     viewpoints = options.source_viewpoint, options.target_viewpoint
     clouds = [
-        (cloud, scanner_place(cloud, viewpoint))
-        for cloud, viewpoint in zip((pair.source_cloud, pair.target_cloud), viewpoints, strict=True)
+        (cloud, scanner_place(cloud, places))
+        for cloud, places in zip((pair.source_cloud, pair.target_cloud), viewpoints, strict=True)
     ]
     found = [
         find_near_radius(cloud, radius, centre)

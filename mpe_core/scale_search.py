@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.unit_check import guess_units
 from mpe_core.clouds.validate import Cloud
 from mpe_core.color_search import SETTLED, settle_by_color
-from mpe_core.options import RegistrationOptions
+from mpe_core.options import RegistrationOptions, Vector
 from mpe_core.progress import Progress
 from mpe_core.refine.scale import ScaleStep, estimate_scale_step
 from mpe_core.refine.swapped import SwappedPointToPlane
@@ -223,22 +224,27 @@ def _register_at(
 
 
 def _at_scale(options: RegistrationOptions, scale: float) -> RegistrationOptions:
-    """Options with the viewpoint of the source times a scale."""
-    if (viewpoint := options.source_viewpoint) is None:
+    """Options with the viewpoints of the source times a scale."""
+    return _with_stretched_viewpoints(options, (scale, scale, scale))
+
+
+def _with_stretched_viewpoints(
+    options: RegistrationOptions, factors: Vector
+) -> RegistrationOptions:
+    """Options with the coordinates of the source's viewpoints times one factor each."""
+    if options.source_viewpoint is None:
         return options
-    x, y, z = (scale * value for value in viewpoint)
-    return replace(options, source_viewpoint=(x, y, z))
+    stretched: Any = np.multiply(options.source_viewpoint, factors)
+    return replace(options, source_viewpoint=stretched)
 
 
 def _search_mirrored(
     source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
 ) -> Trial:
     """Search with the source's x turned to -x, and what the caller knows of it."""
-    gravity, viewpoint = (
-        None if v is None else (-v[0], v[1], v[2])
-        for v in (options.source_gravity, options.source_viewpoint)
-    )
-    options = replace(options, source_gravity=gravity, source_viewpoint=viewpoint)
+    g = options.source_gravity
+    gravity = None if g is None else (-g[0], g[1], g[2])
+    options = _with_stretched_viewpoints(replace(options, source_gravity=gravity), (-1, 1, 1))
     return search_trial(source.mirrored(), target, options, progress, MIRROR_LEVELS)
 
 

@@ -9,6 +9,7 @@ from mpe_core.errors import CloudShapeError
 from mpe_core.geometry.mesh_normals import MeshNormals
 from mpe_core.geometry.nearest import NearestNeighbors
 from mpe_core.geometry.triangle_tree import TriangleTree
+from mpe_core.geometry.viewpoints import as_viewpoints, nearest_viewpoint
 
 PLANE_POINTS = 12
 """Points of the target that a plane is fitted to: enough to average noise, few enough for edges."""
@@ -30,7 +31,8 @@ class TargetSurface:
     normals
         (M, 3) normals that point out of the surface, of any length; None: unknown.
     viewpoint
-        Position of the scanner, which saw the outside; counts where there are no normals.
+        Place (3,) of the scanner, which saw the outside, or places (k, 3) of several, of which the
+        nearest counts; where there are no normals.
     """
 
     def __init__(
@@ -44,7 +46,7 @@ class TargetSurface:
         self._points = cloud[rows]
         self._tree = NearestNeighbors(self._points)
         self._normals = None if normals is None else np.asarray(normals, np.float64)[rows]
-        self._viewpoint = None if viewpoint is None else np.asarray(viewpoint, np.float64)
+        self._viewpoints = None if viewpoint is None else as_viewpoints(viewpoint)
         self.is_signed = normals is not None or viewpoint is not None
 
     def measure(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -103,8 +105,8 @@ class TargetSurface:
     ) -> NDArray[np.float64]:
         if self._normals is not None:
             outside = self._normals[places]
-        elif self._viewpoint is not None:
-            outside = self._viewpoint - middle
+        elif self._viewpoints is not None:
+            outside = self._viewpoints[nearest_viewpoint(middle, self._viewpoints)] - middle
         else:
             return axes
         is_inward = np.einsum("ni,ni->n", axes, outside) < 0

@@ -27,18 +27,26 @@ MAX_POINTS = 4000
 
 
 class FreeSpace:
-    """Range images of both scans of a pair, from their viewpoints."""
+    """Range images of both clouds of a pair, from their viewpoints."""
 
     def __init__(
         self,
         source: NDArray[np.float32],
         target: NDArray[np.float32],
-        source_viewpoint: Array,
-        target_viewpoint: Array,
+        source_viewpoints: Array,
+        target_viewpoints: Array,
     ) -> None:
-        """Build the range images of source (N, 3) and target (M, 3), each in its own frame."""
-        self._source_image = RangeImage(source, source_viewpoint)
-        self._target_image = RangeImage(target, target_viewpoint)
+        """Build the range images of both clouds, each in its own frame.
+
+        Parameters
+        ----------
+        source, target
+            (N, 3) and (M, 3) points.
+        source_viewpoints, target_viewpoints
+            (k, 3) and (l, 3) places of the scanners.
+        """
+        self._source_image = RangeImage(source, source_viewpoints)
+        self._target_image = RangeImage(target, target_viewpoints)
         images = self._source_image, self._target_image
         self.tells_depths = max(image.median_range for image in images) <= MAX_RANGE
         """Whether both scanners stood near enough to tell what stands in front of what."""
@@ -69,14 +77,14 @@ def _violation(image: RangeImage, points: Array) -> float:
 
 
 def compare_with(image: RangeImage, points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which points (N, 3) stand in what a scanner saw through, and which are not hidden.
+    """Tell which points (N, 3) stand in what scanners saw through, and which are not hidden.
 
     Parameters
     ----------
     image
-        What the scanner saw.
+        What the scanners saw.
     points
-        Points of the other scan, in the frame of the image.
+        Points of the other cloud, in the frame of the image.
 
     Returns
     -------

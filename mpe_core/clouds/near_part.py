@@ -14,6 +14,8 @@ from mpe_core.clouds.surface import MAX_VARIATION, MIN_NEIGHBOURS, MIN_RADIUS, S
 from mpe_core.clouds.validate import Cloud
 from mpe_core.geometry.cell_list import CellList, voxel_downsample
 from mpe_core.geometry.sampling import take_every
+from mpe_core.geometry.viewpoints import as_viewpoints, nearest_viewpoint
+from mpe_core.options import Viewpoints
 
 Array = NDArray[np.float64]
 
@@ -56,9 +58,15 @@ def find_near_radius(cloud: Cloud, radius: float, centre: Array) -> float | None
     return next((reach for reach in tried if shows_surface_within(cloud, reach, centre)), None)
 
 
-def scanner_place(cloud: Cloud, viewpoint: tuple[float, ...] | None) -> Array:
-    """(3,) position of the scanner; the median of the points if it is not known."""
-    return np.median(cloud.points, axis=0) if viewpoint is None else np.array(viewpoint)
+def scanner_place(cloud: Cloud, viewpoints: Viewpoints | None) -> Array:
+    """(3,) place of the scanner in the middle; the median of the points if none is known."""
+    middle: Array = np.median(cloud.points, axis=0)
+    if viewpoints is None:
+        return middle
+    places = as_viewpoints(viewpoints)
+    (row,) = nearest_viewpoint(middle[None], places)
+    nearest: Array = places[row]
+    return nearest
 
 
 def shows_surface_within(cloud: Cloud, reach: float, centre: Array) -> bool:

@@ -47,15 +47,15 @@ class NoData:
     """How many rows."""
 
 
-def find_no_data(points: Array, viewpoint: Array | None = None) -> tuple[Rows, tuple[NoData, ...]]:
+def find_no_data(points: Array, viewpoints: Array | None = None) -> tuple[Rows, tuple[NoData, ...]]:
     """Find rows that stand for no point.
 
     Parameters
     ----------
     points
         (N, 3) finite points.
-    viewpoint
-        (3,) position of the scanner, if it is known.
+    viewpoints
+        (k, 3) places of the scanners, if they are known.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def find_no_data(points: Array, viewpoint: Array | None = None) -> tuple[Rows, t
         "zeros": _find_zeros,
         "far": _find_far,
         "copies": _find_copies,
-        "shell": lambda kept: find_range_shell(kept, viewpoint),
+        "shell": lambda kept: find_range_shell(kept, viewpoints),
     }
     for kind, rule in rules.items():
         rows = np.flatnonzero(~left_out)

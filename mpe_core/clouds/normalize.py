@@ -11,6 +11,8 @@ from mpe_core.clouds.uneven import even_out
 from mpe_core.clouds.validate import Cloud
 from mpe_core.geometry.bounds import centered
 from mpe_core.geometry.sampling import take_every
+from mpe_core.geometry.viewpoints import as_viewpoints
+from mpe_core.options import Viewpoints
 
 Array = NDArray[np.float64]
 
@@ -71,12 +73,15 @@ class CloudPair:
         return pose
 
     def viewpoints(
-        self, source: tuple[float, ...] | None, target: tuple[float, ...] | None
+        self, source: Viewpoints | None, target: Viewpoints | None
     ) -> tuple[Array | None, Array | None]:
-        """Positions (3,) of both scanners among the normalized clouds, from the caller's frames."""
+        """Places (k, 3) and (l, 3) of the scanners among the normalized clouds.
+
+        From the caller's frames; None where they are not known.
+        """
         return (
-            None if source is None else (np.array(source) - self.source_centre) / self.unit,
-            None if target is None else (np.array(target) - self.target_centre) / self.unit,
+            None if source is None else (as_viewpoints(source) - self.source_centre) / self.unit,
+            None if target is None else (as_viewpoints(target) - self.target_centre) / self.unit,
         )
 
 

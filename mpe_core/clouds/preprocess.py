@@ -66,8 +66,8 @@ class PreparedCloud:
     """Coarse points with normals."""
     voxel_size: float
     """Edge of the coarse thinning."""
-    viewpoint: NDArray[np.float64] | None
-    """(3,) position of the scanner, if it is known."""
+    viewpoints: NDArray[np.float64] | None
+    """(k, 3) places of the scanners, if they are known."""
 
     def sample(self, seed: int) -> Sample:
         """Draw up to SAMPLE_POINTS fine points, evenly or in proportion to their weights."""
@@ -123,9 +123,9 @@ def prepare_clouds(
             cloud.weighted(points),
             voxel_size,
             None if cloud.weights is None else cloud.weighted(cloud.weights),
-            viewpoint,
+            places,
         )
-        for cloud, points, viewpoint in zip(
+        for cloud, points, places in zip(
             (pair.source_cloud, pair.target_cloud),
             (pair.source, pair.target),
             viewpoints,
@@ -139,7 +139,7 @@ def prepare_cloud(
     points: NDArray[np.float64],
     voxel_size: float = VOXEL_SIZE,
     weights: NDArray[np.float64] | None = None,
-    viewpoint: NDArray[np.float64] | None = None,
+    viewpoints: NDArray[np.float64] | None = None,
 ) -> PreparedCloud:
     """Thin a normalized cloud and fit its surface.
 
@@ -151,8 +151,8 @@ def prepare_cloud(
         Edge of the coarse thinning.
     weights
         (N,) weights above 0.
-    viewpoint
-        (3,) position of the scanner, to which the normals are turned.
+    viewpoints
+        (k, 3) places of the scanners, to the nearest of which the normals are turned.
     """
     boundary = find_boundary(points)
     if boundary is not None:
@@ -168,10 +168,10 @@ def prepare_cloud(
     if fine_weights is not None:
         factor = _weights_at(surface.points, fine, fine_weights, voxel_size)
         surface = replace(surface, weights=surface.weights * factor)
-    if viewpoint is not None:
-        outward = orient_normals(surface.points, surface.normals, viewpoint)
+    if viewpoints is not None:
+        outward = orient_normals(surface.points, surface.normals, viewpoints)
         surface = replace(surface, normals=outward, oriented=True)
-    return PreparedCloud(fine, fine_weights, surface, voxel_size, viewpoint)
+    return PreparedCloud(fine, fine_weights, surface, voxel_size, viewpoints)
 
 
 def _weights_at(queries: Points, fine: Points, weights: Points, reach: float) -> Points:

@@ -41,22 +41,22 @@ MAX_SHARED_DIRECTIONS = 0.4
 that holds things, most are shared."""
 
 
-def find_range_shell(points: Array, viewpoint: Array | None = None) -> Rows | None:
+def find_range_shell(points: Array, viewpoints: Array | None = None) -> Rows | None:
     """Find the points of a sphere that holds all others and shares no beam with them.
 
     Parameters
     ----------
     points
         (N, 3) points.
-    viewpoint
-        (3,) position of the scanner; None: the origin and any other place are tried.
+    viewpoints
+        (k, 3) places of the scanners; None: the origin and any other place are tried.
 
     Returns
     -------
     (N,) whether a point lies on the shell; None if there is none.
     """
     subset = take_every(points, SUBSET_POINTS)
-    for centre in _centres(subset, viewpoint):
+    for centre in _centres(subset, viewpoints):
         radius = _shell_radius(subset, centre)
         if radius is None:
             continue
@@ -67,9 +67,12 @@ def find_range_shell(points: Array, viewpoint: Array | None = None) -> Rows | No
     return None
 
 
-def _centres(subset: Array, viewpoint: Array | None) -> Iterator[Array]:
-    yield np.zeros(3) if viewpoint is None else viewpoint
-    if viewpoint is None and len(subset) >= 8:
+def _centres(subset: Array, viewpoints: Array | None) -> Iterator[Array]:
+    if viewpoints is not None:
+        yield from viewpoints
+        return
+    yield np.zeros(3)
+    if len(subset) >= 8:
         centre = _best_centre(subset)
         if centre is not None:
             yield centre

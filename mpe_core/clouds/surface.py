@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, voxel_downsample
 from mpe_core.geometry.sampling import take_every
+from mpe_core.geometry.viewpoints import nearest_viewpoint
 
 VOXEL_SIZE = 0.015
 """Edge of the coarse thinning by default, in radii of the smaller cloud. From 0.012 to 0.015 all
@@ -69,9 +70,10 @@ def fit_surface(points: Points, voxel_size: float = VOXEL_SIZE) -> Surface:
     )
 
 
-def orient_normals(points: Points, normals: Points, viewpoint: NDArray[np.float64]) -> Points:
-    """Turn the normals (N, 3) at the points (N, 3) to the side of the viewpoint (3,)."""
-    faces_away = np.einsum("ni,ni->n", normals, viewpoint - points) < 0
+def orient_normals(points: Points, normals: Points, viewpoints: NDArray[np.float64]) -> Points:
+    """Turn the normals (N, 3) at the points (N, 3) to the nearest of the viewpoints (k, 3)."""
+    nearest = viewpoints[nearest_viewpoint(points, viewpoints)]
+    faces_away = np.einsum("ni,ni->n", normals, nearest - points) < 0
     turned: Points = np.where(faces_away[:, None], -normals, normals)
     return turned
 

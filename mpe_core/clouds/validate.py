@@ -18,6 +18,8 @@ from mpe_core.errors import (
 )
 from mpe_core.geometry.bounds import Extent, centered, measure_extent, scatter_matrix
 from mpe_core.geometry.validation import MAX_COORDINATE, MIN_EXTENT
+from mpe_core.geometry.viewpoints import as_viewpoints
+from mpe_core.options import Viewpoints
 
 Array = NDArray[np.float64]
 
@@ -93,7 +95,7 @@ def validate_cloud(
     weights: ArrayLike | None = None,
     *,
     keep_no_data: bool = True,
-    viewpoint: tuple[float, ...] | None = None,
+    viewpoints: Viewpoints | None = None,
     colors: ArrayLike | None = None,
 ) -> Cloud:
     """Check a cloud, and drop its rows with NaN or infinity in a coordinate or weight.
@@ -108,8 +110,8 @@ def validate_cloud(
         (N,) weights of 0 or more.
     keep_no_data
         Whether rows that stand for no point are kept.
-    viewpoint
-        (3,) position of the scanner, if it is known.
+    viewpoints
+        (3,) or (k, 3) places of the scanners, if they are known.
     colors
         (N,) intensities or (N, 3) colours.
 
@@ -138,7 +140,8 @@ def validate_cloud(
     dropped = len(array) - len(points)
     no_data: tuple[NoData, ...] = ()
     if not keep_no_data:
-        left_out, no_data = find_no_data(points, None if viewpoint is None else np.array(viewpoint))
+        places = None if viewpoints is None else as_viewpoints(viewpoints)
+        left_out, no_data = find_no_data(points, places)
         if no_data:
             kept = np.flatnonzero(~left_out)
             rows, points = kept if rows is None else rows[kept], points[kept]

@@ -1,9 +1,11 @@
-"""What a scanner saw in each direction: the range image of a cloud from a viewpoint."""
+"""What scanners saw in each direction: range images of a cloud from its viewpoints."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mpe_core.geometry.viewpoints import nearest_viewpoint
 
 Array = NDArray[np.float64]
 
@@ -11,21 +13,28 @@ ROWS, COLUMNS = 90, 180
 """Cells of elevation and azimuth, 2 degrees each: several points of a thinned scan fall into one
 at the distances where most points lie (docs/tuning.md)."""
 
+CELLS = ROWS * COLUMNS
+
 
 class RangeImage:
-    """Ranges of a cloud in the cells of a sphere around a viewpoint."""
+    """Ranges of a cloud in the cells of a sphere around each of its viewpoints.
 
-    def __init__(self, points: NDArray[np.floating], viewpoint: Array) -> None:
-        """Take the ranges of the points (N, 3) as seen from the viewpoint (3,)."""
-        self._viewpoint = viewpoint
+    Each viewpoint tells of the part of space that is nearest to it, whichever scanner measured the
+    points there. Such a part holds all of the way to each of its points, and so all that can hide
+    them: the images of these parts alone are those of the whole cloud.
+    """
+
+    def __init__(self, points: NDArray[np.floating], viewpoints: Array) -> None:
+        """Take the ranges of the points (N, 3), each seen from the nearest viewpoint (k, 3)."""
+        self._viewpoints = viewpoints
         cells, ranges = self._project(points)
         self.median_range = float(np.median(ranges))
-        """Distance of half of the points from the viewpoint."""
-        nearest = np.full(ROWS * COLUMNS, np.inf)
+        """Distance of half of the points from their viewpoints."""
+        nearest = np.full(len(viewpoints) * CELLS, np.inf)
         np.minimum.at(nearest, cells, ranges)
-        image = nearest.reshape(ROWS, COLUMNS)
+        images = nearest.reshape(-1, ROWS, COLUMNS)
         self._is_seen = np.isfinite(nearest)
-        self._range = _minimum_of_neighbours(image).ravel()
+        self._range = np.concatenate([_minimum_of_neighbours(image).ravel() for image in images])
 
     def look_up(self, points: NDArray[np.floating]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Compare points (N, 3) with what was seen in their directions.
@@ -33,7 +42,7 @@ class RangeImage:
         Returns
         -------
         ranges
-            (N,) distances of the points from the viewpoint.
+            (N,) distances of the points from the viewpoints nearest to them.
         seen
             (N,) smallest range in the cell of each point and its eight neighbours; infinity where
             nothing was seen.
@@ -44,15 +53,16 @@ class RangeImage:
         return ranges, self._range[cells], self._is_seen[cells]
 
     def _project(self, points: NDArray[np.floating]) -> tuple[NDArray[np.int64], Array]:
-        """(N,) cells of the points (N, 3), and their distances from the viewpoint."""
-        offset = points.astype(np.float64) - self._viewpoint
+        """(N,) cells of the points (N, 3), and their distances from the nearest viewpoints."""
+        viewpoint = nearest_viewpoint(points, self._viewpoints)
+        offset = points.astype(np.float64) - self._viewpoints[viewpoint]
         ranges = np.sqrt(np.einsum("ni,ni->n", offset, offset))
         safe = np.maximum(ranges, np.finfo(np.float64).tiny)
         elevation = np.arcsin(np.clip(offset[:, 2] / safe, -1, 1)) / np.pi + 0.5
         azimuth = np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) + 0.5
         row = np.minimum((elevation * ROWS).astype(np.int64), ROWS - 1)
         column = (azimuth * COLUMNS).astype(np.int64) % COLUMNS
-        return row * COLUMNS + column, ranges
+        return viewpoint * CELLS + row * COLUMNS + column, ranges
 
 
 def _minimum_of_neighbours(image: Array) -> Array:

@@ -7,19 +7,19 @@ from numba import njit
 
 
 @njit(
-    "void(float64[::1], float64[:, ::1], float64[::1], int64[::1], float64,"
+    "void(float64[:, ::1], float64[:, ::1], float64[::1], int64[::1], float64,"
     " Tuple((float64[:, ::1], int64[::1], float64)), float64[::1], int64[::1], int32[:, :, ::1])",
     cache=True,
 )
-def count_crossings(viewpoint, offsets, ranges, steps, cell, ground, edges, corner, counts):
+def count_crossings(starts, offsets, ranges, steps, cell, ground, edges, corner, counts):
     """Count the samples of rays in each cell of each layer over the ground.
 
     Parameters
     ----------
-    viewpoint
-        (3,) place from which the rays start.
+    starts
+        (N, 3) places where the rays start.
     offsets, ranges
-        (N, 3) and (N,) end of each ray less the viewpoint, and its length.
+        (N, 3) and (N,) end of each ray less its start, and its length.
     steps
         (N,) samples of each ray, one in the middle of each piece of length `cell`.
     cell
@@ -40,13 +40,13 @@ def count_crossings(viewpoint, offsets, ranges, steps, cell, ground, edges, corn
         length = max(ranges[i], cell)
         for step in range(steps[i]):
             share = (step + 0.5) * cell / length
-            x = viewpoint[0] + share * offsets[i, 0]
-            y = viewpoint[1] + share * offsets[i, 1]
+            x = starts[i, 0] + share * offsets[i, 0]
+            y = starts[i, 1] + share * offsets[i, 1]
             gx = np.int64(np.floor(x / ground_cell)) - first[0]
             gy = np.int64(np.floor(y / ground_cell)) - first[1]
             if not (0 <= gx < lowest.shape[0] and 0 <= gy < lowest.shape[1]):
                 continue
-            over = viewpoint[2] + share * offsets[i, 2] - lowest[gx, gy]
+            over = starts[i, 2] + share * offsets[i, 2] - lowest[gx, gy]
             layer = -1
             while layer < layers and over > edges[layer + 1]:
                 layer += 1

@@ -77,7 +77,7 @@ class PointToPlane:
         self._moving, self._fixed, self._motion_basis = moving, fixed, motion_basis
         self._sample = moving.sample(options.seed)
         self._planes = TargetPlanes(
-            fixed.fine, fixed.surface.spacing, regime.plane_noise, fixed.viewpoint
+            fixed.fine, fixed.surface.spacing, regime.plane_noise, fixed.viewpoints
         )
         # the few planes of sparse clouds would smooth shape, too
         self._may_smooth = not regime.is_sparse

@@ -36,7 +36,7 @@ class TargetPlanes:
         points: Points,
         spacing: float,
         noise: float = 0.0,
-        viewpoint: Array | None = None,
+        viewpoints: Array | None = None,
         *,
         width: float = 1.0,
     ) -> None:
@@ -50,8 +50,8 @@ class TargetPlanes:
             Point spacing of the cloud's surface.
         noise
             Noise that the planes have to average.
-        viewpoint
-            (3,) position of the scanner, to which the normals are turned.
+        viewpoints
+            (k, 3) places of the scanners, to the nearest of which the normals are turned.
         width
             Radius and cut-off over the usual ones.
         """
@@ -66,7 +66,7 @@ class TargetPlanes:
         self._feet = self.cells.points.copy()
         self._variation = np.zeros(len(points), np.float32)
         self._is_fitted = np.zeros(len(points), np.bool_)
-        self._viewpoint = viewpoint
+        self._viewpoints = viewpoints
 
     @property
     def radius(self) -> float:
@@ -81,8 +81,8 @@ class TargetPlanes:
         feet
             (N, 3) points projected on their planes.
         normals
-            (N, 3) unit normals; zero where too few points lie around. They point to the viewpoint,
-            or to either side if it is unknown.
+            (N, 3) unit normals; zero where too few points lie around. They point to the nearest
+            viewpoint, or to either side if there is none.
         variation
             (N,) surface variation around each point; NaN at the border of the cloud.
         """
@@ -91,8 +91,8 @@ class TargetPlanes:
             points = self.cells.points[new]
             planes = self.cells.planes(points)
             normals = planes.normals
-            if self._viewpoint is not None:
-                normals = orient_normals(points, normals, self._viewpoint)
+            if self._viewpoints is not None:
+                normals = orient_normals(points, normals, self._viewpoints)
             self._feet[new], self._normals[new] = planes.project(points), normals
             self._variation[new] = planes.comparable_variation(self.radius)
             self._is_fitted[new] = True

@@ -1,4 +1,4 @@
-"""A cloud seen from above: what stands on its ground, and what its scanner saw through there."""
+"""A cloud seen from above: what stands on its ground, and what its scanners saw through there."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mpe_core.clouds.ground import Ground
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import rotation_between
 from mpe_core.geometry.sampling import take_every
+from mpe_core.geometry.viewpoints import nearest_viewpoint
 from mpe_core.kernels.ray_cells import count_crossings
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ MIN_ROOFED_SHARE = 0.45
 ceilings wherever they slide (docs/tuning.md)."""
 
 MAX_RAYS, RAY_SHARE, MIN_RAY_SAMPLES = 8000, 0.92, 2
-"""Rays from the viewpoint that are followed, the share of each that is free, and the samples of
+"""Rays from the viewpoints that are followed, the share of each that is free, and the samples of
 rays that clear a cell."""
 
 MAX_RAY_STEPS = 400
@@ -60,7 +61,7 @@ class LevelledCloud:
     layer: Layers
     """(N,) layer of each point; -1 on the ground, LAYERS above all layers."""
     free_xy: Array | None
-    """(M, 2) cells that rays of the scanner crossed; None if its position is not known."""
+    """(M, 2) cells that rays of the scanners crossed; None if their places are not known."""
     free_layer: Layers | None
     """(M,) layer of each of these cells."""
 
@@ -69,7 +70,7 @@ class LevelledCloud:
         cls,
         points: Points,
         ground: Ground,
-        viewpoint: Array | None = None,
+        viewpoints: Array | None = None,
         *,
         has_ceiling: bool = False,
     ) -> LevelledCloud:
@@ -81,8 +82,8 @@ class LevelledCloud:
             (N, 3) points in radii of the smaller cloud.
         ground
             Ground of the cloud.
-        viewpoint
-            (3,) position of the scanner, if it is known.
+        viewpoints
+            (k, 3) places of the scanners, if they are known.
         has_ceiling
             Whether level surfaces count as ground, at whatever height they are.
         """
@@ -92,8 +93,9 @@ class LevelledCloud:
         if has_ceiling:
             layer[_is_level(points, ground)] = -1
         free_xy, free_layer = None, None
-        if viewpoint is not None:
-            free_xy, free_layer = _follow_rays(levelled, R @ viewpoint, heights)
+        if viewpoints is not None:
+            places = np.array([R @ place for place in viewpoints])
+            free_xy, free_layer = _follow_rays(levelled, places, heights)
         return cls(ground, R, levelled[:, :2].copy(), layer, free_xy, free_layer)
 
     @cached_property
@@ -160,8 +162,8 @@ class OccupancyGrids:
     grown: Grid
     """Occupied cells and their eight neighbours."""
     clear: Grid
-    """Cells that the scanner saw through, or, where its position is not known, that show a surface;
-    without those with points at this layer in them or beside them."""
+    """Cells that the scanners saw through, or, where their places are not known, that show a
+    surface; without those with points at this layer in them or beside them."""
 
 
 def has_ceiling(points: Points, ground: Ground) -> bool:
@@ -223,17 +225,22 @@ class _LocalGround:
         return heights
 
 
-def _follow_rays(levelled: Array, viewpoint: Array, heights: _LocalGround) -> tuple[Array, Layers]:
-    """Centres (M, 2) and layers (M,) of the cells that the rays to the points (N, 3) cross."""
-    offset = np.ascontiguousarray(take_every(levelled, MAX_RAYS) - viewpoint)
+def _follow_rays(levelled: Array, viewpoints: Array, heights: _LocalGround) -> tuple[Array, Layers]:
+    """Centres (M, 2) and layers (M,) of the cells that the rays to the points (N, 3) cross.
+
+    Each ray starts at the nearest of the viewpoints (k, 3).
+    """
+    seen = take_every(levelled, MAX_RAYS)
+    starts = viewpoints[nearest_viewpoint(seen, viewpoints)]
+    offset = seen - starts
     ranges = np.sqrt(np.einsum("ni,ni->n", offset, offset))
     steps = np.clip(RAY_SHARE * ranges / CELL_SIZE, 0, MAX_RAY_STEPS).astype(np.int64)
-    ends = viewpoint + (steps * CELL_SIZE / np.maximum(ranges, CELL_SIZE))[:, None] * offset
-    reached = np.floor(np.vstack([viewpoint, ends])[:, :2] / CELL_SIZE).astype(np.int64)
+    ends = starts + (steps * CELL_SIZE / np.maximum(ranges, CELL_SIZE))[:, None] * offset
+    reached = np.floor(np.vstack([starts, ends])[:, :2] / CELL_SIZE).astype(np.int64)
     low, high = reached.min(axis=0), reached.max(axis=0)
     counts = np.zeros((LAYERS, *(high - low + 1)), np.int32)
     count_crossings(
-        viewpoint, offset, ranges, steps, CELL_SIZE, heights.table, LAYER_EDGES, low, counts
+        starts, offset, ranges, steps, CELL_SIZE, heights.table, LAYER_EDGES, low, counts
     )
     layer, *place = np.nonzero(counts >= MIN_RAY_SAMPLES)
     return (np.stack(place, axis=1) + low + 0.5) * CELL_SIZE, layer

@@ -49,10 +49,10 @@ def level_clouds(source: PreparedCloud, target: PreparedCloud) -> LevelledPair |
         grounds.append(ground_x.opposite(x))
     return LevelledPair(
         tuple(
-            LevelledCloud.from_points(x, ground, source.viewpoint, has_ceiling=roofed)
+            LevelledCloud.from_points(x, ground, source.viewpoints, has_ceiling=roofed)
             for ground in grounds
         ),
-        LevelledCloud.from_points(y, ground_y, target.viewpoint, has_ceiling=roofed),
+        LevelledCloud.from_points(y, ground_y, target.viewpoints, has_ceiling=roofed),
     )
 
 

@@ -60,12 +60,11 @@ def require_pair(job: JobRow, runtime: Runtime) -> tuple[AlignedPair, dict[str, 
         )
     path, *_ = require_blobs(runtime, job.result_sha256, job.source.sha256, job.target.sha256)
     result = read_summary(path.read_bytes())
-    viewpoint = job.options.get("target_viewpoint")
     pair = AlignedPair(
         result["transform"],
         job.source,
         job.target,
-        viewpoint and list(viewpoint),
+        job.options.get("target_viewpoint"),
         bool(job.options.get("ignore_file_viewpoints")),
     )
     check_disk(runtime)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from mpe_core import RegistrationOptions
-from mpe_core.options import Matrix, Scale, Vector
+from mpe_core.options import Matrix, Scale, Vector, Viewpoints
 from service.cli.pose_file import read_pose
 from service.clouds.inputs import CLOUD_ROLES
 from service.schemas import Reading, describe_options
@@ -17,6 +17,8 @@ from service.schemas.options import OPTION_NAMES
 
 _EXPONENT_NUMBER = re.compile(r"-\d*\.?\d*[eE][+-]?\d+")
 FILE_HELP = "FILE holds four lines of four numbers, or JSON with them as `transform`. "
+REPEATED_HELP = "May be repeated. "
+XYZ: dict[str, Any] = {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
 HINTS = get_type_hints(RegistrationOptions)
 
 
@@ -44,9 +46,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("options of the registration")
     for name, schema in describe_options().items():
         form = _argument_form(HINTS[name])
-        file = FILE_HELP if form.get("metavar") == "FILE" else ""
+        note = FILE_HELP if form.get("metavar") == "FILE" else ""
+        note = REPEATED_HELP if form.get("action") == "append" else note
         default = schema["default"]
-        description = f"{schema['description']} {file}Default: {default}.".replace("%", "%%")
+        description = f"{schema['description']} {note}Default: {default}.".replace("%", "%%")
         group.add_argument(
             f"--{name.replace('_', '-')}",
             dest=name,
@@ -61,7 +64,9 @@ def _argument_form(hint: Any) -> dict[str, Any]:
     if hint is bool:
         return {"action": "store_true"}
     if hint == Vector | None:
-        return {"type": float, "nargs": 3, "metavar": ("X", "Y", "Z")}
+        return XYZ
+    if hint == Viewpoints | None:
+        return XYZ | {"action": "append"}
     if hint == Matrix | None:
         return {"type": Path, "metavar": "FILE"}
     if hint == Scale:

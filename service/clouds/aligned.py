@@ -137,4 +137,4 @@ def _number(piece: DecodedCloud, cloud: int, names: list[str]) -> DecodedCloud:
         listed = ", ".join(map(repr, lost[:20]))
         warnings += (f"not kept, because both clouds do not have them in the same type: {listed}",)
     attributes["cloud"] = np.full(len(piece.points), cloud, np.uint8)
-    return replace(piece, attributes=attributes, warnings=warnings, viewpoint=None, faces=None)
+    return replace(piece, attributes=attributes, warnings=warnings, viewpoints=(), faces=None)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.options import Viewpoints
 from service.formats import DecodedCloud
 
 if TYPE_CHECKING:
@@ -19,20 +20,20 @@ HISTOGRAM_BINS = 60
 
 
 def build_surface(
-    target: DecodedCloud, viewpoint: Sequence[float] | None, *, ignores_file: bool
+    target: DecodedCloud, viewpoint: Viewpoints | None, *, ignores_file: bool
 ) -> TargetSurface | MeshSurface:
     """Return the surface of a target: of its triangles, if it is a mesh, else of its points.
 
-    Its own faces or normals, else the viewpoint, tell inside and outside.
+    Its own faces or normals, else where the scanners stood, tell inside and outside.
 
     Parameters
     ----------
     target
         Read with its attributes.
     viewpoint
-        Position of the scanner in its frame, where the caller has given it.
+        Position of the scanner in its frame, or of several, where the caller has given it.
     ignores_file
-        Whether the position that the file tells is not taken in its place.
+        Whether the positions that the file tells are not taken in its place.
     """
     # loads kernels, which the service process must not
     from mpe_core import MeshSurface, TargetSurface
@@ -40,7 +41,7 @@ def build_surface(
     if target.mesh is not None and target.mesh.faces is not None:
         return MeshSurface(target.mesh.points, target.mesh.faces)
     if viewpoint is None and not ignores_file:
-        viewpoint = target.scanner_position
+        viewpoint = target.scanner_positions or None
     return TargetSurface(target.points, target.normals, viewpoint)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from mpe_core.options import RegistrationOptions
+from mpe_core.options import MAX_VIEWPOINTS, RegistrationOptions, Vector
 from service.formats.decoded_cloud import DecodedCloud
 
 
@@ -20,13 +21,20 @@ def with_file_viewpoints(
     tuple[str, ...]
         A warning that tells where they are from, if they were added.
     """
-    known = source.scanner_position, target.scanner_position
+    known = source.scanner_positions, target.scanner_positions
     is_asked = options.source_viewpoint is None and not options.ignore_file_viewpoints
-    if known[0] is None or known[1] is None or not (options.is_global and is_asked):
+    are_told = all(1 <= len(places) <= MAX_VIEWPOINTS for places in known)
+    if not (are_told and options.is_global and is_asked):
         return options, ()
-    places = ["({:.6g}, {:.6g}, {:.6g})".format(*each) for each in known if each is not None]
     text = (
-        f"the files tell where their scanners stood, {places[0]} in the source and {places[1]} in"
-        " the target, and this is used; if it is wrong, set ignore_file_viewpoints"
+        f"the files tell where their scanners stood, {_describe(known[0])} in the source and"
+        f" {_describe(known[1])} in the target, and this is used; if it is wrong, set"
+        " ignore_file_viewpoints"
     )
     return replace(options, source_viewpoint=known[0], target_viewpoint=known[1]), (text,)
+
+
+def _describe(places: Sequence[Vector]) -> str:
+    first = "({:.6g}, {:.6g}, {:.6g})".format(*places[0])
+    others = len(places) - 1
+    return first if others == 0 else f"{first} and {others} other{'s' * (others > 1)}"

@@ -39,8 +39,8 @@ def transform_cloud(cloud: DecodedCloud, T: NDArray[np.float64]) -> DecodedCloud
         points = points.astype(np.float32)
     attributes = list_attributes(cloud)
     attributes |= _rotate_vectors(attributes, R) | rotate_splats(attributes, R)
-    viewpoint = None if cloud.viewpoint is None else _move_viewpoint(cloud.viewpoint, T)
-    return replace(cloud, points=points, attributes=attributes, viewpoint=viewpoint)
+    viewpoints = tuple(_move_viewpoint(viewpoint, T) for viewpoint in cloud.viewpoints)
+    return replace(cloud, points=points, attributes=attributes, viewpoints=viewpoints)
 
 
 def merge_clouds(source: DecodedCloud, target: DecodedCloud) -> DecodedCloud:
@@ -62,7 +62,7 @@ def merge_clouds(source: DecodedCloud, target: DecodedCloud) -> DecodedCloud:
         points=np.concatenate([source.points, target.points]),
         attributes=attributes,
         warnings=source.warnings + target.warnings + _warn_of_others(first, second, common),
-        viewpoint=None,
+        viewpoints=(),
         faces=_merge_faces(source, target),
         las=_merge_las(source.las, target.las),
     )

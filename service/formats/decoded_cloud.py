@@ -26,9 +26,9 @@ class DecodedCloud:
     """What is unusual about the file, and how it was interpreted."""
     normals: NDArray[np.floating] | None = None
     """(N, 3) as stored, where the file has them; not normalised."""
-    viewpoint: tuple[float, ...] | None = None
-    """Pose of the scanner that measured all points, in their frame, where the file tells it: tx,
-    ty, tz, qw, qx, qy, qz."""
+    viewpoints: tuple[tuple[float, ...], ...] = ()
+    """Poses of the scanners that measured the points, in their frame, where the file tells all of
+    them: tx, ty, tz, qw, qx, qy, qz of each."""
     attributes: dict[str, NDArray[np.generic]] = field(default_factory=dict)
     """(N,) columns beside the coordinates by their names in the file; only if requested."""
     weights: NDArray[np.generic] | None = None
@@ -47,12 +47,11 @@ class DecodedCloud:
     """The mesh whose surface the points are samples of."""
 
     @property
-    def scanner_position(self) -> tuple[float, float, float] | None:
-        """Position of the scanner; None if the file does not tell it, as PCD's default does not."""
-        if self.viewpoint is None or (self.format == "pcd" and self.viewpoint == UNMOVED):
-            return None
-        x, y, z, *_ = self.viewpoint
-        return x, y, z
+    def scanner_positions(self) -> tuple[tuple[float, float, float], ...]:
+        """Positions of the scanners; none if the file does not tell, as PCD's default does not."""
+        if self.format == "pcd" and self.viewpoints == (UNMOVED,):
+            return ()
+        return tuple((x, y, z) for x, y, z, *_ in self.viewpoints)
 
 
 UNMOVED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

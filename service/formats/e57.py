@@ -29,7 +29,7 @@ from service.formats.errors import (
     short_reason,
 )
 from service.formats.libraries import import_library
-from service.formats.multi_scan import select_scans, to_viewpoint
+from service.formats.multi_scan import select_scans, to_viewpoints
 
 MAGIC = b"ASTM-E57"
 _MAX_XML_BYTES = 16 << 20
@@ -70,7 +70,7 @@ def read_pieces(
         check_density(total, path.stat().st_size, f"{len(headers)} scans")
         wanted, warnings = select_scans(len(headers), scan)
         fields = select_fields([headers[i] for i in wanted]) if attributes else Fields()
-        viewpoint = _read_viewpoint(headers[wanted[0]]) if len(wanted) == 1 else None
+        viewpoints = to_viewpoints(_read_pose(headers[i]) for i in wanted)
         for i in wanted:
             for points, columns in _iter_scan(file, headers[i], fields):
                 kept = {name: columns[field] for name, field in fields.names.items()}
@@ -88,7 +88,7 @@ def read_pieces(
         np.empty((0, 3)),
         "e57",
         warnings + fields.warnings,
-        viewpoint=viewpoint,
+        viewpoints=viewpoints,
         attributes=empty,
     )
 
@@ -196,14 +196,14 @@ def _iter_scan(
         raise TruncatedFileError(f"a scan holds {count} of {header.point_count} announced points")
 
 
-def _read_viewpoint(header: Any) -> tuple[float, ...] | None:
-    """Pose of the scanner of a scan that has a grid or a pose: others may be merged clouds."""
+def _read_pose(header: Any) -> NDArray[np.float64] | None:
+    """(4, 4) pose of a scan that has a grid or a pose: others may be merged clouds."""
     T = np.eye(4)
     if header.has_pose():
         T[:3, :3], T[:3, 3] = header.rotation_matrix, header.translation
     elif not {"rowIndex", "columnIndex"} <= set(header.point_fields):
         return None
-    return to_viewpoint(T)
+    return T
 
 
 def _to_cartesian(points: NDArray[np.float64]) -> NDArray[np.float64]:

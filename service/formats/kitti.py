@@ -92,7 +92,7 @@ def _read_rows(
         others = zip(names, rows[:, 3:].T, strict=False)
         kept = {name: column.astype(np.float32) for name, column in others}
     points = rows[:, :3].astype(np.float32)
-    return DecodedCloud(points, "kitti", viewpoint=UNMOVED, attributes=kept)
+    return DecodedCloud(points, "kitti", viewpoints=(UNMOVED,), attributes=kept)
 
 
 def _check_intensities(column: NDArray[np.float32]) -> None:

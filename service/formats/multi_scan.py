@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,8 +45,19 @@ def select_scans(count: int, scan: int | None) -> tuple[range, tuple[str, ...]]:
     return range(count), warnings
 
 
-def to_viewpoint(T: NDArray[np.float64]) -> tuple[float, ...] | None:
-    """Return tx, ty, tz, qw, qx, qy, qz of the pose (4, 4) of a scanner; None if it is none."""
+def to_viewpoints(poses: Iterable[NDArray[np.float64] | None]) -> tuple[tuple[float, ...], ...]:
+    """Return tx, ty, tz, qw, qx, qy, qz of the pose (4, 4) of each scan.
+
+    None at all if one of them is unknown, or if several scans have the same: their points were
+    moved into one frame, and where the scanners stood there is lost.
+    """
+    told = [None if T is None else _to_viewpoint(T) for T in poses]
+    known = tuple(viewpoint for viewpoint in told if viewpoint is not None)
+    is_lost = len(known) > 1 and len(set(known)) == 1
+    return () if len(known) < len(told) or is_lost else known
+
+
+def _to_viewpoint(T: NDArray[np.float64]) -> tuple[float, ...] | None:
     from scipy.spatial.transform import Rotation  # the service itself loads no scipy
 
     if not np.isfinite(T).all() or abs(np.linalg.det(T[:3, :3]) - 1) > _RIGID_TOL:

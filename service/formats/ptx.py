@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits, check_count, join_pieces
 from service.formats.errors import FileLimitError, MalformedFileError
-from service.formats.multi_scan import select_scans, to_viewpoint
+from service.formats.multi_scan import select_scans, to_viewpoints
 from service.formats.numerals import is_number
 from service.formats.text_block import TextBlock, skip_lines
 from service.formats.text_cleaner import PLAIN, TableCleaner
@@ -107,9 +107,9 @@ def read_pieces(
             kept = {name: _to_own_type(name, table[:, 3 + i]) for i, name in enumerate(names)}
             yield DecodedCloud(points, "ptx", attributes=kept)
         warnings += cleaner.warnings()
-    viewpoint = to_viewpoint(chosen[0].header.matrix.T) if len(chosen) == 1 else None
+    viewpoints = to_viewpoints(item.header.matrix.T for item in chosen)
     warnings = tuple(dict.fromkeys(warnings))
-    yield DecodedCloud(np.empty((0, 3)), "ptx", warnings, viewpoint=viewpoint)
+    yield DecodedCloud(np.empty((0, 3)), "ptx", warnings, viewpoints=viewpoints)
 
 
 def _find_scans(path: Path, limits: ReadLimits) -> Iterator[_Scan]:

@@ -56,10 +56,10 @@ def thin_pieces(
     name, total = "", 0
     warnings: list[str] = []
     crs: tuple[LasRecord, ...] = ()
-    viewpoint: tuple[float, ...] | None = None
+    viewpoints: tuple[tuple[float, ...], ...] = ()
     for piece in pieces:
         warnings += piece.warnings
-        viewpoint = piece.viewpoint or viewpoint
+        viewpoints = piece.viewpoints or viewpoints
         crs = piece.crs or crs
         if len(piece.points) == 0:
             continue
@@ -78,7 +78,7 @@ def thin_pieces(
         f"{thinning.edge:.3g}: the memory allowed holds {max_points}"
     )
     cloud = thinning.to_cloud(name, tuple(dict.fromkeys(warnings)), weights)
-    return replace(cloud, crs=crs, viewpoint=viewpoint)
+    return replace(cloud, crs=crs, viewpoints=viewpoints)
 
 
 @dataclass(slots=True)

@@ -11,11 +11,24 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Annotated, Any, get_type_hints
 
-from pydantic import BeforeValidator, GetJsonSchemaHandler, ValidationError
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    GetJsonSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+)
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from mpe_core.geometry.transform_forms import QUATERNIONS, read_rigid_transform
-from mpe_core.options import SCALES, RegistrationOptions, Scale, Vector
+from mpe_core.options import (
+    MAX_VIEWPOINTS,
+    SCALES,
+    RegistrationOptions,
+    Scale,
+    Vector,
+    Viewpoints,
+)
 from service.schemas.base import check_field_names, whole_as_int
 
 OPTION_NAMES = tuple(field.name for field in fields(RegistrationOptions))
@@ -35,8 +48,16 @@ SCHEMA_BOUNDS: dict[str, dict[str, float]] = {
 _HINTS = get_type_hints(RegistrationOptions)
 _SHAPES: dict[Any, tuple[tuple[int, ...], str]] = {
     Vector | None: ((3,), "a list of 3 numbers, x, y, z, or null"),
+    Viewpoints | None: (
+        (3,),
+        f"a list of 3 numbers, x, y, z, a list of 1 to {MAX_VIEWPOINTS} of these, or null",
+    ),
     Scale: ((2,), f"one of {', '.join(SCALES)}, or a list of 2 numbers, least and most"),
 }
+_VIEWPOINTS = ("source_viewpoint", "target_viewpoint")
+_STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+_PLACE: TypeAdapter[Any] = TypeAdapter(Vector, config=_STRICT)
+_PLACES: TypeAdapter[Any] = TypeAdapter(tuple[Vector, ...], config=_STRICT)
 
 
 def _from_json(value: object) -> object:
@@ -48,6 +69,9 @@ def _from_json(value: object) -> object:
     if errors:
         raise ValidationError.from_exception_data("options", errors)
     values = {name: _as_tuple(item) for name, item in value.items()}
+    errors = [error for name in _VIEWPOINTS for error in _number_errors(name, values.get(name))]
+    if errors:
+        raise ValidationError.from_exception_data("options", errors)
     if values.get("initial_transform") is not None:
         values["initial_transform"] = _read_transform(value["initial_transform"])
     return values
@@ -65,6 +89,8 @@ def _read_transform(value: object) -> object:
 
 
 def _has_shape(name: str, value: object) -> bool:
+    if name in _VIEWPOINTS:
+        return value is None or _are_places(value)
     shape, _ = _SHAPES.get(_HINTS[name], ((), ""))
     if isinstance(value, str) and name == "scale":
         return value in SCALES
@@ -79,6 +105,28 @@ def _is_nested_list(value: object, shape: tuple[int, ...]) -> bool:
     if not isinstance(value, list) or len(value) != shape[0]:
         return False
     return all(_is_nested_list(item, shape[1:]) for item in value)
+
+
+def _are_places(value: object) -> bool:
+    """Whether a value is a list of 3, or a list of lists of 3."""
+    if not isinstance(value, list) or not any(isinstance(item, list) for item in value):
+        return _is_nested_list(value, (3,))
+    return 1 <= len(value) <= MAX_VIEWPOINTS and _is_nested_list(value, (len(value), 3))
+
+
+def _number_errors(name: str, places: Any) -> list[InitErrorDetails]:
+    """List what is wrong in one place or several, once: a union would name each of its forms."""
+    if places is None:
+        return []
+    form = _PLACES if isinstance(places[0], tuple) else _PLACE
+    try:
+        form.validate_python(places)
+    except ValidationError as error:
+        return [
+            InitErrorDetails(type=item["type"], loc=(name, *item["loc"]), input=None)
+            for item in error.errors()
+        ]
+    return []
 
 
 def _shape_error(name: str) -> InitErrorDetails:
@@ -106,6 +154,8 @@ class _JsonSchema:
         for name, option in schema["properties"].items():
             option["description"] = " ".join(option["description"].split())
             option |= SCHEMA_BOUNDS.get(name, {}) | _list_schemas(option)
+        for name in _VIEWPOINTS:
+            schema["properties"][name]["anyOf"][1] |= {"minItems": 1, "maxItems": MAX_VIEWPOINTS}
         forms = schema["properties"]["initial_transform"]["anyOf"]
         forms[1:1] = _transform_forms()
         return reference
@@ -137,7 +187,9 @@ def _list_schemas(schema: dict[str, Any]) -> dict[str, Any]:
     if "anyOf" in schema:
         schema["anyOf"] = [_list_schemas(choice) for choice in schema["anyOf"]]
     if "prefixItems" in schema:
-        schema["items"] = _list_schemas(schema.pop("prefixItems")[0])
+        schema["items"] = schema.pop("prefixItems")[0]
+    if "items" in schema:
+        schema["items"] = _list_schemas(schema["items"])
     return schema
 
 

@@ -37,7 +37,7 @@ def load_or_decode(
         Path of the entry, see `decoded_path`.
     decode : callable
         Returns the cloud when it is not cached; points, rows, brightness, format, warnings,
-        viewpoint and coordinate system are kept.
+        viewpoints and coordinate system are kept.
     scratch : Path
         Folder for the new entry, which has the same file name; see `DecodedCache.adopt`.
     limits : ReadLimits
@@ -52,7 +52,7 @@ def load_or_decode(
                 arrays["points"],
                 header["format"],
                 tuple(header["warnings"]),
-                viewpoint=header.get("viewpoint") and tuple(header["viewpoint"]),
+                viewpoints=tuple(map(tuple, header["viewpoints"])),
                 rows=arrays.get("rows"),
                 brightness={
                     name.removeprefix(_BRIGHTNESS): arrays[name]
@@ -68,7 +68,7 @@ def load_or_decode(
     records = [(r.user_id, r.record_id, r.description, r.data.hex()) for r in cloud.crs]
     header = {"format": cloud.format, "warnings": cloud.warnings, "crs": records}
     header |= {"count": len(cloud.points), "max_points": limits.max_points}
-    header |= {"viewpoint": cloud.viewpoint}
+    header |= {"viewpoints": cloud.viewpoints}
     columns: dict[str, Any] = {"points": cloud.points}
     columns |= {} if cloud.rows is None else {"rows": cloud.rows}
     columns |= {_BRIGHTNESS + kind: values for kind, values in cloud.brightness.items()}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpe_core.options import Viewpoints
 from service.clouds.deviation import build_surface, move_points
 from service.clouds.inputs import CloudInput
 from service.formats import DecodedCloud
@@ -27,10 +28,10 @@ class AlignedPair:
     """Pose of the source in the target's frame, (4, 4)."""
     source: CloudInput
     target: CloudInput
-    target_viewpoint: list[float] | None
-    """Position of the scanner in the target's frame, where the caller has given it."""
-    ignores_file_viewpoint: bool = False
-    """Whether the position that the target's file tells is not taken in its place."""
+    target_viewpoint: Viewpoints | None
+    """Position of the scanner in the target's frame, or of several, where the caller told it."""
+    ignores_file_viewpoints: bool = False
+    """Whether the positions that the target's file tells are not taken in its place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ class PairTask(FileTask):
         """Return the surface of the target, which is read unless it is given."""
         cloud = self._read(self.pair.target) if target is None else target
         return build_surface(
-            cloud, self.pair.target_viewpoint, ignores_file=self.pair.ignores_file_viewpoint
+            cloud, self.pair.target_viewpoint, ignores_file=self.pair.ignores_file_viewpoints
         )
 
     def _measure(self, source: DecodedCloud, surface: TargetSurface | MeshSurface) -> Deviation:

@@ -42,7 +42,8 @@ def test_no_scan_stands_in_the_free_space_of_the_other_at_the_true_pose(pairs):
         if pair.source_viewpoint is None:
             continue
         points = (pair.source.astype(np.float32), pair.target.astype(np.float32))
-        space = FreeSpace(*points, pair.source_viewpoint, pair.target_viewpoint)
+        places = pair.source_viewpoint[None], pair.target_viewpoint[None]
+        space = FreeSpace(*points, *places)
         assert space.violation(pair.T_target_source) < 0.1, pair.name
 
 

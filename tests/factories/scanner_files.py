@@ -24,6 +24,8 @@ DOUBLES = POINTS.astype(np.float64)
 FACES = np.array([(i, i + 1, i + 2) for i in range(38)])
 QUARTER_TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 MOVE = np.array([10.0, 20, 30])
+STEP = np.array([1.0, 2, -3])
+"""From where one scan of a file was measured to where the next one was."""
 
 
 @cache
@@ -40,21 +42,22 @@ def las(*, compressed: bool = False, version: str = "1.2") -> bytes:
 
 
 @cache
-def e57(scans: int = 1) -> bytes:
-    """Each scan is the points as they were before a quarter turn and a move."""
+def e57(scans: int = 1, step: tuple[float, ...] = tuple(STEP)) -> bytes:
+    """Each scan is some of the points as they were before a quarter turn and a move of its own."""
     half_angle = np.sqrt(0.5)
-    local = (DOUBLES - MOVE) @ QUARTER_TURN
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.e57"
         file = pye57.E57(str(path), mode="w")
-        for part in np.array_split(local, scans):
+        for number, part in enumerate(np.array_split(DOUBLES, scans)):
+            move = MOVE + number * np.array(step)
+            local = (part - move) @ QUARTER_TURN
             columns = dict(
-                zip(("cartesianX", "cartesianY", "cartesianZ"), part.T.copy(), strict=True)
+                zip(("cartesianX", "cartesianY", "cartesianZ"), local.T.copy(), strict=True)
             )
             file.write_scan_raw(
                 columns,
                 rotation=np.array([half_angle, 0, 0, half_angle]),
-                translation=MOVE,
+                translation=move,
             )
         file.close()
         return path.read_bytes()
@@ -149,15 +152,16 @@ def glb(**changes: object) -> bytes:
     return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
 
 
-def ptx(scans: int = 1) -> bytes:
-    """Each scan before a quarter turn and a move, as row vectors times the matrix."""
+def ptx(scans: int = 1, step: tuple[float, ...] = tuple(STEP)) -> bytes:
+    """Each scan before a quarter turn and a move of its own, as row vectors times the matrix."""
     content = b""
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[3, :3] = QUARTER_TURN.T, MOVE
-    for part in np.array_split((DOUBLES - MOVE) @ QUARTER_TURN, scans):
+    for number, part in enumerate(np.array_split(DOUBLES, scans)):
+        matrix[:3, :3], matrix[3, :3] = QUARTER_TURN.T, MOVE + number * np.array(step)
+        local = (part - matrix[3, :3]) @ QUARTER_TURN
         content += f"{len(part) // 4}\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n".encode()
         content += text_rows(matrix)
-        content += text_rows(np.column_stack([part, np.full(len(part), 0.5)]))
+        content += text_rows(np.column_stack([local, np.full(len(part), 0.5)]))
     return content
 
 

@@ -5,7 +5,7 @@ interface Field {
   name: string;
   label: string;
   help: string;
-  kind: "number" | "integer" | "numbers" | "check" | "choice";
+  kind: "number" | "integer" | "numbers" | "places" | "check" | "choice";
   choices?: readonly string[];
   /** Shown in an empty field. */
   hint?: string;
@@ -42,8 +42,8 @@ export const GROUPS: readonly Group[] = [
       { name: "initial_transform", label: "Approximate pose", kind: "numbers", hint: "16 numbers, row by row", help: "4×4 of the source in the target's frame; the search keeps near it." },
       { name: "max_rotation_deg", label: "Largest turn from it", kind: "number", hint: "30", help: "In degrees." },
       { name: "max_translation", label: "Largest shift from it", kind: "number", hint: "half a radius", help: "In the files' unit." },
-      { name: "source_viewpoint", label: "Scanner of the source", kind: "numbers", hint: "x y z", help: "Its position in the source's frame, often 0 0 0. Give both: thin parts then do not flip." },
-      { name: "target_viewpoint", label: "Scanner of the target", kind: "numbers", hint: "x y z", help: "Its position in the target's frame." },
+      { name: "source_viewpoint", label: "Scanner of the source", kind: "places", hint: "x y z", help: "Its position in the source's frame, often 0 0 0; one after the other where several scans were merged. Give both: thin parts then do not flip." },
+      { name: "target_viewpoint", label: "Scanner of the target", kind: "places", hint: "x y z", help: "Its position in the target's frame, or several." },
       { name: "source_gravity", label: "Gravity in the source", kind: "numbers", hint: "x y z", help: "Its direction, for example 0 0 -1. Give both." },
       { name: "target_gravity", label: "Gravity in the target", kind: "numbers", hint: "x y z", help: "Its direction in the target's frame." },
     ],
@@ -112,6 +112,11 @@ function readField(field: Field, input: Input): unknown {
   if (words.length === 0) return undefined;
   const numbers = words.map(Number);
   if (numbers.some(Number.isNaN)) throw new Error(`${field.label}: expected ${field.hint ?? "a number"}, got “${input.value}”.`);
-  if (field.kind !== "numbers") return numbers[0];
-  return numbers;
+  if (field.kind === "places" && numbers.length > 3) return inThrees(numbers);
+  return field.kind === "numbers" || field.kind === "places" ? numbers : numbers[0];
+}
+
+function inThrees(numbers: readonly number[]): number[][] {
+  const count = Math.ceil(numbers.length / 3);
+  return Array.from({ length: count }, (_, i) => numbers.slice(3 * i, 3 * i + 3));
 }

@@ -114,7 +114,7 @@ class _Layout:
             "pcd",
             (),
             None if normals is None else normals.astype(dtype, copy=False),
-            header.viewpoint,
+            () if header.viewpoint is None else (header.viewpoint,),
             kept,
         )
 

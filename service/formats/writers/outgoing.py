@@ -33,6 +33,7 @@ class Outgoing:
     faces: NDArray[np.int64] | None
     """(F, 3) triangles."""
     viewpoint: tuple[float, ...] | None
+    """Pose of the scanner, if there is one alone."""
     las: LasMetadata | None
     crs: tuple[LasRecord, ...]
     notes: list[str] = field(default_factory=list)
@@ -41,7 +42,8 @@ class Outgoing:
     @classmethod
     def of(cls, cloud: DecodedCloud) -> Outgoing:
         """Take a cloud; attributes called x, y or z get other names."""
-        outgoing = cls(cloud.points, {}, cloud.faces, cloud.viewpoint, cloud.las, cloud.crs)
+        viewpoint = cloud.viewpoints[0] if len(cloud.viewpoints) == 1 else None
+        outgoing = cls(cloud.points, {}, cloud.faces, viewpoint, cloud.las, cloud.crs)
         for name, column in unpack_colors(cloud.attributes).items():
             if column.dtype.kind not in "biuf":
                 outgoing.notes.append(f"{name[:40]!r} is left out: it holds no numbers")

@@ -42,7 +42,7 @@ def test_a_sample_is_drawn_from_the_fine_points_by_the_seed(points):
 def test_only_clouds_with_a_viewpoint_have_outward_normals(points):
     rng = np.random.default_rng(1)
     assert prepare_cloud(points).sample(0).normals is None
-    seen = prepare_cloud(sheet(rng, 20_000), viewpoint=np.array([0.0, 0, 5]))
+    seen = prepare_cloud(sheet(rng, 20_000), viewpoints=np.array([[0.0, 0, 5]]))
     normals = seen.sample(0).normals
     assert seen.surface.oriented
     assert normals is not None

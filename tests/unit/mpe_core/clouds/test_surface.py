@@ -50,6 +50,6 @@ def test_edges_weigh_more_than_flat_places_and_stray_points_nothing():
 def test_oriented_normals_face_the_viewpoint():
     surface = fit_surface(sphere())
     viewpoint = np.array([0.0, 0, 5])
-    turned = orient_normals(surface.points, surface.normals, viewpoint)
+    turned = orient_normals(surface.points, surface.normals, viewpoint[None])
     assert (np.einsum("ni,ni->n", turned, viewpoint - surface.points) >= 0).all()
     np.testing.assert_array_equal(np.abs(turned), np.abs(surface.normals))

@@ -14,7 +14,8 @@ def count(viewpoint, ends, lowest, corner, shape):
     steps = (ranges / CELL).astype(np.int64)
     counts = np.zeros(shape, np.int32)
     ground = lowest, np.zeros(2, np.int64), GROUND_CELL
-    count_crossings(viewpoint, offsets, ranges, steps, CELL, ground, EDGES, corner, counts)
+    starts = np.tile(viewpoint, (len(ends), 1))
+    count_crossings(starts, offsets, ranges, steps, CELL, ground, EDGES, corner, counts)
     samples = np.concatenate(
         [
             viewpoint + (np.arange(n) + 0.5)[:, None] * CELL / r * o

@@ -131,12 +131,12 @@ def test_velocities_and_the_viewpoint_turn() -> None:
     cloud = cloud_of(random_points(), dict(zip(("vx", "vy", "vz"), velocity.T, strict=True)))
     turn = Rotation.from_euler("x", 30, degrees=True)
     viewpoint = (1.0, 2.0, 3.0, *np.roll(turn.as_quat(), 1).tolist())
-    moved = transform_cloud(replace(cloud, viewpoint=viewpoint), T)
+    moved = transform_cloud(replace(cloud, viewpoints=(viewpoint,)), T)
     turned = np.stack([moved.attributes[name] for name in ("vx", "vy", "vz")], axis=1)
     np.testing.assert_allclose(turned, velocity @ T[:3, :3].T)
-    assert moved.viewpoint is not None
-    np.testing.assert_allclose(moved.viewpoint[:3], T[:3, :3] @ (1, 2, 3) + T[:3, 3])
-    found = Rotation.from_quat(np.roll(moved.viewpoint[3:], -1)).as_matrix()
+    (pose,) = moved.viewpoints
+    np.testing.assert_allclose(pose[:3], T[:3, :3] @ (1, 2, 3) + T[:3, 3])
+    found = Rotation.from_quat(np.roll(pose[3:], -1)).as_matrix()
     np.testing.assert_allclose(found, T[:3, :3] @ turn.as_matrix(), atol=1e-12)
 
 

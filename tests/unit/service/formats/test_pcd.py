@@ -12,7 +12,7 @@ from tests.factories.decoding import decode, reason_of_refusal
 
 
 def test_pcd_viewpoint(tmp_path: Path) -> None:
-    assert decode(tmp_path, pcd()).viewpoint == (1, 2, 3, 1, 0, 0, 0)
+    assert decode(tmp_path, pcd()).viewpoints == ((1, 2, 3, 1, 0, 0, 0),)
 
 
 def test_trailing_bytes_are_reported(tmp_path: Path) -> None:
