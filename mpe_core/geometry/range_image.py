@@ -21,7 +21,7 @@ class RangeImage:
 
     Each viewpoint tells of the part of space that is nearest to it, whichever scanner measured the
     points there. Such a part holds all of the way to each of its points, and so all that can hide
-    them: the images of these parts alone are those of the whole cloud.
+    them. What lies beyond it was hardly measured from there, and tells nothing of the way.
     """
 
     def __init__(self, points: NDArray[np.floating], viewpoints: Array) -> None:
@@ -32,9 +32,10 @@ class RangeImage:
         """Distance of half of the points from their viewpoints."""
         nearest = np.full(len(viewpoints) * CELLS, np.inf)
         np.minimum.at(nearest, cells, ranges)
-        images = nearest.reshape(-1, ROWS, COLUMNS)
         self._is_seen = np.isfinite(nearest)
-        self._range = np.concatenate([_minimum_of_neighbours(image).ravel() for image in images])
+        for image in nearest.reshape(-1, ROWS, COLUMNS):
+            image[:] = _minimum_of_neighbours(image)
+        self._range = nearest
 
     def look_up(self, points: NDArray[np.floating]) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Compare points (N, 3) with what was seen in their directions.

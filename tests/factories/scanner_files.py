@@ -10,16 +10,19 @@ import struct
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import laspy
 import numpy as np
 import pye57
+from numpy.typing import NDArray
 
 from tests.factories.cloud_files import POINTS, ply, text_rows
 from tests.factories.vtk_files import legacy_mesh, xml_mesh
 
+Array = NDArray[np.float64]
 DOUBLES = POINTS.astype(np.float64)
 FACES = np.array([(i, i + 1, i + 2) for i in range(38)])
 QUARTER_TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -44,20 +47,24 @@ def las(*, compressed: bool = False, version: str = "1.2") -> bytes:
 @cache
 def e57(scans: int = 1, step: tuple[float, ...] = tuple(STEP)) -> bytes:
     """Each scan is some of the points as they were before a quarter turn and a move of its own."""
+    return e57_of(np.array_split(DOUBLES, scans), MOVE + np.arange(scans)[:, None] * step)
+
+
+def e57_of(scans: Sequence[Array], places: Array) -> bytes:
+    """Scans (N, 3) of one frame, each written as measured from its place, after a quarter turn."""
     half_angle = np.sqrt(0.5)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.e57"
         file = pye57.E57(str(path), mode="w")
-        for number, part in enumerate(np.array_split(DOUBLES, scans)):
-            move = MOVE + number * np.array(step)
-            local = (part - move) @ QUARTER_TURN
+        for points, place in zip(scans, places, strict=True):
+            local = (points - place) @ QUARTER_TURN
             columns = dict(
                 zip(("cartesianX", "cartesianY", "cartesianZ"), local.T.copy(), strict=True)
             )
             file.write_scan_raw(
                 columns,
                 rotation=np.array([half_angle, 0, 0, half_angle]),
-                translation=move,
+                translation=place,
             )
         file.close()
         return path.read_bytes()
@@ -153,15 +160,20 @@ def glb(**changes: object) -> bytes:
 
 
 def ptx(scans: int = 1, step: tuple[float, ...] = tuple(STEP)) -> bytes:
-    """Each scan before a quarter turn and a move of its own, as row vectors times the matrix."""
+    """Each scan before a quarter turn and a move of its own."""
+    return ptx_of(np.array_split(DOUBLES, scans), MOVE + np.arange(scans)[:, None] * step)
+
+
+def ptx_of(scans: Sequence[Array], places: Array) -> bytes:
+    """Scans as `e57_of` writes them, as row vectors times the matrix; a multiple of 4 points."""
     content = b""
     matrix = np.eye(4)
-    for number, part in enumerate(np.array_split(DOUBLES, scans)):
-        matrix[:3, :3], matrix[3, :3] = QUARTER_TURN.T, MOVE + number * np.array(step)
-        local = (part - matrix[3, :3]) @ QUARTER_TURN
-        content += f"{len(part) // 4}\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n".encode()
+    for points, place in zip(scans, places, strict=True):
+        matrix[:3, :3], matrix[3, :3] = QUARTER_TURN.T, place
+        local = (points - place) @ QUARTER_TURN
+        content += f"{len(points) // 4}\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n".encode()
         content += text_rows(matrix)
-        content += text_rows(np.column_stack([local, np.full(len(part), 0.5)]))
+        content += text_rows(np.column_stack([local, np.full(len(points), 0.5)]))
     return content
 
 

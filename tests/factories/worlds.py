@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,3 +144,64 @@ def hall(rng: np.random.Generator, size: tuple[float, float, float] = (60, 30, 3
         sizes.append(tuple(s))
         yaws.append(rng.uniform(0, np.pi))
     return World(np.array(centres), np.array(sizes), np.array(yaws))
+
+
+ROOM = (6.0, 5.0, 2.6)
+"""Length, width and height of a room of `rooms`."""
+
+
+def rooms(rng: np.random.Generator, count: int) -> World:
+    """Make a row of rooms along x, joined by doors, with boxes that stand about."""
+    length, width, height = ROOM
+    whole = count * length
+    boxes = [((whole / 2, 0, height + 0.1), (whole + 0.4, width + 0.4, 0.2))]
+    boxes += [
+        ((whole / 2, s * (width / 2 + 0.1), height / 2), (whole, 0.2, height)) for s in (-1, 1)
+    ]
+    boxes += [((x, 0, height / 2), (0.2, width, height)) for x in (-0.1, whole + 0.1)]
+    for x in length * np.arange(1, count):
+        door = rng.uniform(1 - width / 2, width / 2 - 1)
+        for low, high in ((-width / 2, door - 0.5), (door + 0.5, width / 2)):
+            boxes.append(((x, (low + high) / 2, height / 2), (0.15, high - low, height)))
+        boxes.append(((x, door, height - 0.3), (0.15, 1.0, 0.6)))
+    fixed = len(boxes)
+    for room in range(count):
+        for _ in range(9):
+            size = rng.uniform((0.3, 0.3, 0.3), (1.4, 0.8, 1.2))
+            x, y = rng.uniform((0.6, 0.5 - width / 2), (length - 0.6, width / 2 - 0.5))
+            boxes.append(((room * length + x, y, size[2] / 2), tuple(size)))
+    centres, sizes = (np.array(each) for each in zip(*boxes, strict=True))
+    yaws = np.concatenate([np.zeros(fixed), rng.uniform(0, np.pi, len(boxes) - fixed)])
+    return World(centres, sizes, yaws)
+
+
+@dataclass(frozen=True)
+class MergedScan:
+    """Scans of several stations in the frame of the world."""
+
+    scans: tuple[Array, ...]
+    """(N, 3) points of each station."""
+    viewpoints: Array
+    """(k, 3) places of the scanners."""
+
+    @property
+    def points(self) -> Array:
+        """(N, 3) all points."""
+        return np.concatenate(self.scans)
+
+
+def scan_rooms(
+    world: World, rng: np.random.Generator, numbers: Sequence[int], max_range: float = 80.0
+) -> MergedScan:
+    """Scan `rooms` of these numbers, each from a place over the boxes, and merge the scans."""
+    length, width, _ = ROOM
+    places, clouds = [], []
+    for room in numbers:
+        x, y = rng.uniform((1.0, 1.0 - width / 2), (length - 1.0, width / 2 - 1.0))
+        place = np.array([room * length + x, y, 1.6])
+        scan = scan_world(
+            world, place, rng, elevations_deg=(-60.0, 60.0), columns=240, max_range=max_range
+        )
+        places.append(place)
+        clouds.append(scan.points + place)
+    return MergedScan(tuple(clouds), np.array(places))

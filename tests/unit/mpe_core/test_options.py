@@ -5,6 +5,8 @@ import pytest
 
 from mpe_core import InvalidOptionsError, RegistrationOptions
 
+PLACE = {"target_viewpoint": (0, 0, 0)}
+
 
 @pytest.mark.parametrize(
     ("options", "message"),
@@ -17,6 +19,12 @@ from mpe_core import InvalidOptionsError, RegistrationOptions
         ({"overlap": 1.5}, "overlap must be a number above 0 and at most 1, got 1.5"),
         ({"inlier_threshold": 0}, "inlier_threshold must be a number above 0, got 0"),
         ({"source_viewpoint": (0, 0, 1)}, "source_viewpoint needs target_viewpoint: give both"),
+        (PLACE | {"source_viewpoint": (0, 1)}, "source_viewpoint must be 3 finite numbers, or a"),
+        (PLACE | {"source_viewpoint": ()}, r"a list of 1 to 256 times 3, got \(\)"),
+        (PLACE | {"source_viewpoint": [(0, 1)]}, r"a list of 1 to 256 times 3, got \[\(0, 1\)\]"),
+        (PLACE | {"source_viewpoint": np.zeros((257, 3)).tolist()}, "got 257 times: .{80}[.]{3}$"),
+        (PLACE | {"source_viewpoint": [(0, 1, np.nan)]}, "must be 3 finite numbers, or a list"),
+        (PLACE | {"source_viewpoint": [(0, 1, 1e16)]}, "at most 1e[+]15, got 1e[+]16"),
         ({"initial_transform": 1e16 * np.eye(4)}, "at most 1e[+]15, got 1e[+]16"),
     ],
 )
@@ -31,6 +39,15 @@ def test_arrays_and_lists_become_tuples_that_compare_and_hash():
     assert one == other
     assert hash(one) == hash(other)
     assert one.source_gravity == (0.0, 0.0, -1.0)
+
+
+def test_several_viewpoints_become_tuples_and_one_stays_one():
+    several = RegistrationOptions(source_viewpoint=np.eye(3)[:2], **PLACE)
+    assert several == RegistrationOptions(source_viewpoint=[[1, 0, 0], [0, 1, 0]], **PLACE)
+    assert several.source_viewpoint == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    one = RegistrationOptions(source_viewpoint=[[1, 2, 3]], **PLACE)
+    assert one == RegistrationOptions(source_viewpoint=(1, 2, 3), **PLACE)
+    assert hash(one) != hash(several)
 
 
 def test_options_cannot_be_changed():

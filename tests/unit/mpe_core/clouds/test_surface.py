@@ -53,3 +53,11 @@ def test_oriented_normals_face_the_viewpoint():
     turned = orient_normals(surface.points, surface.normals, viewpoint[None])
     assert (np.einsum("ni,ni->n", turned, viewpoint - surface.points) >= 0).all()
     np.testing.assert_array_equal(np.abs(turned), np.abs(surface.normals))
+
+
+def test_both_sides_of_a_wall_face_the_scanner_in_front_of_them():
+    x, z = np.random.default_rng(0).uniform(-1, 1, (2, 4000))
+    sides = [np.column_stack([x, np.full_like(x, y), z]).astype(np.float32) for y in (-0.2, 0.2)]
+    points, normals = np.concatenate(sides), np.tile(np.float32([0, 1, 0]), (8000, 1))
+    turned = orient_normals(points, normals, np.array([[0.3, -2.0, 0], [-0.3, 2.0, 0]]))
+    np.testing.assert_array_equal(turned[:, 1], np.sign(points[:, 1]))

@@ -74,6 +74,14 @@ def test_equal_numbers_give_equal_text() -> None:
         ({"source_gravity": [0, 1]}, "options/source_gravity", "a list of 3 numbers"),
         ({"source_gravity": {"0": 1}}, "options/source_gravity", "a list of 3 numbers"),
         ({"source_gravity": [0, "1", 2]}, "options/source_gravity/1", "valid number"),
+        ({"source_viewpoint": [0, 1]}, "options/source_viewpoint", "a list of 1 to 256 of these"),
+        ({"source_viewpoint": []}, "options/source_viewpoint", "a list of 1 to 256 of these"),
+        ({"source_viewpoint": [[0, 1]]}, "options/source_viewpoint", "a list of 1 to 256"),
+        ({"source_viewpoint": [[0, 1, 2], 3, 4]}, "options/source_viewpoint", "a list of 1 to"),
+        ({"source_viewpoint": 257 * [[0, 1, 2]]}, "options/source_viewpoint", "a list of 1 to"),
+        ({"source_viewpoint": [0, "1", 2]}, "options/source_viewpoint/1", "valid number"),
+        ({"source_viewpoint": [[0, 1, True]]}, "options/source_viewpoint/0/2", "valid number"),
+        ({"source_viewpoint": [[0, 1, float("nan")]]}, "options/source_viewpoint/0/2", "finite"),
         ({"initial_transform": "x"}, "options/initial_transform", "4x4 or 3x4 numbers"),
         ({"initial_transform": np.eye(3).tolist()}, "options/initial_transform", "4x4 or 3x4"),
         ({"initial_transform": (2 * np.eye(4)).tolist()}, "options/initial_transform", "rigid"),
@@ -100,6 +108,16 @@ def test_each_mistake_is_told_once_where_it_is(options: Any, pointer: str, words
 def test_a_transform_is_read_in_any_form(form: Any) -> None:
     transform = parse({"initial_transform": form}).initial_transform
     np.testing.assert_allclose(np.array(transform), TURN, atol=1e-12)
+
+
+def test_viewpoints_are_one_place_or_several() -> None:
+    places = [[0, 1, 2], [3, 4, 5.5]]
+    options = parse({"source_viewpoint": places, "target_viewpoint": [[6, 7, 8]]})
+    assert options.source_viewpoint == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.5))
+    assert options.target_viewpoint == (6.0, 7.0, 8.0)
+    one, several, null = describe_options()["source_viewpoint"]["anyOf"]
+    assert several == {"type": "array", "minItems": 1, "maxItems": 256, "items": one}
+    assert null == {"type": "null"}
 
 
 def test_null_stands_for_what_is_not_known() -> None:
