@@ -96,7 +96,7 @@ FORMATS = (
     ),
     Format(
         "e57",
-        "ASTM E57: one scan, or all merged",
+        "ASTM E57: one scan, or all merged, with the places of their scanners",
         (".e57",),
         _starts_with(e57.MAGIC),
         e57.read,
@@ -105,7 +105,7 @@ FORMATS = (
     ),
     Format(
         "ptx",
-        "Leica PTX: one scan, or all merged",
+        "Leica PTX: one scan, or all merged, with the places of their scanners",
         (".ptx",),
         ptx.sniff,
         ptx.read,

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from mpe_core import RegistrationOptions, register
+from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply, inverse
+from mpe_core.progress import Progress
+from mpe_core.rigid_registration import search_trial
+from mpe_core.scale_search import MIRROR_LEVELS, _search_mirrored
 from tests.factories.checks import assert_pose_close
 from tests.factories.clouds import Array, motion, random_rotation, sheet
 from tests.factories.worlds import ROOM, rooms, scan_rooms
@@ -118,12 +122,14 @@ def test_the_places_are_scaled_with_the_source(case):
     )
 
 
-def test_a_mirrored_source_is_told_with_its_places(case):
+def test_a_mirrored_source_is_searched_with_its_places_mirrored(case):
     flip = np.array([-1.0, 1, 1])
-    mirrored = replace(case.options, source_viewpoint=flip * case.source_viewpoint)
-    found = register(flip * case.source, case.target, mirrored)
-    assert not found.accepted
-    assert "mirrored" in [warning.code for warning in found.warnings]
+    source, mirrored, target = map(validate_cloud, (case.source, flip * case.source, case.target))
+    options = replace(case.options, source_viewpoint=flip * case.source_viewpoint)
+    plain = search_trial(source, target, case.options, Progress(None), MIRROR_LEVELS)
+    found = _search_mirrored(mirrored, target, options, Progress(None))
+    assert found.best.evidence == plain.best.evidence
+    np.testing.assert_array_equal(found.T_target_source, plain.T_target_source)
 
 
 def test_places_before_a_thin_part_settle_its_flip():
