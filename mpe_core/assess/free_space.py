@@ -15,12 +15,16 @@ RANGE_MARGIN = 0.08
 """Share of the range by which a point has to stand in front of a surface to stand in free space,
 or behind it to be hidden (docs/tuning.md)."""
 
+MAX_MARGIN = 0.05
+"""Largest such distance, in radii of the smaller cloud: of things far off, a share of the range is
+as much as they are thick (docs/tuning.md)."""
+
 MIN_COMPARED = 25
 """Points that have to be comparable with a range image; fewer tell nothing."""
 
 MAX_RANGE = 4.0
-"""Median range, in radii of the smaller cloud, up to which the margin is less than the depth of
-what is seen; from farther away nothing stands in front of anything."""
+"""Median range, in radii of the smaller cloud, up to which the cells of a range image are small
+beside what is seen; from farther away the nearest point in them hides the depth of all others."""
 
 MAX_POINTS = 4000
 """Points of each cloud that are compared with the range image of the other one."""
@@ -92,5 +96,6 @@ def compare_with(image: RangeImage, points: Array) -> tuple[NDArray[np.bool_], N
         (N,) clearly in front of what was seen in their direction; not behind it.
     """
     ranges, seen, is_seen = image.look_up(points)
-    in_front = is_seen & (ranges < (1 - RANGE_MARGIN) * seen)
-    return in_front, is_seen & (ranges < (1 + RANGE_MARGIN) * seen)
+    seen = np.where(is_seen, seen, 0)
+    margin = np.minimum(RANGE_MARGIN * seen, MAX_MARGIN)
+    return is_seen & (ranges < seen - margin), is_seen & (ranges < seen + margin)

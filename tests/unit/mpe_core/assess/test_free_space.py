@@ -75,3 +75,18 @@ def test_more_stations_in_the_same_rooms_do_not_violate_more() -> None:
         right, shifted = violations(source[0], target[1], (0.8, 0.0))
         assert right < 0.01
         assert shifted > 0.1
+
+
+@pytest.mark.parametrize("distance", [0.8, 3.0])
+def test_a_thin_thing_in_front_of_what_the_other_saw_counts_however_far_the_scanner(distance):
+    """A board of 0.2 by 0.4 radii, 0.08 radii in front of a wall."""
+    rng = np.random.default_rng(0)
+    wall = np.column_stack([np.full(20_000, distance), rng.uniform(-1, 1, (20_000, 2))])
+    board = np.column_stack(
+        [np.full(4000, distance - 0.08), rng.uniform((-0.1, -0.2), (0.1, 0.2), (4000, 2))]
+    )
+    seen, other = wall.astype(np.float32), np.vstack([wall, board]).astype(np.float32)
+    space = FreeSpace(other, seen, np.zeros((1, 3)), np.zeros((1, 3)))
+    share = len(board) / len(other)
+    assert space.violation(np.eye(4)) > 0.8 * share
+    assert FreeSpace(seen, seen, np.zeros((1, 3)), np.zeros((1, 3))).violation(np.eye(4)) == 0
