@@ -264,13 +264,15 @@ class PosePipeline:
         """Select up to MAX_REFINED of the poses (K, 4, 4) by a short refinement, best first."""
         if self._regime.uses_full_sum:
             return [_Preselected(row, T) for row, T in enumerate(poses[:MAX_REFINED])]
+        if len(poses) == 0:
+            return []
+        starts = np.array([self._prior.project_to_yaw(T) for T in poses])
         found: list[tuple[int, Array, Evidence]] = []
-        for row, T in enumerate(poses):
+        for row, near in enumerate(self.planes.refine_shortly(starts)):
             report(row / len(poses))
-            near = self.planes.refine_shortly(self._prior.project_to_yaw(T))
             found.append((row, near, self.scorer.score_subset(near)))
         found.sort(key=lambda each: each[2].sort_key, reverse=True)
-        least = max((evidence.score for _, _, evidence in found), default=0.0) - MAX_SCORE_GAP
+        least = max(evidence.score for _, _, evidence in found) - MAX_SCORE_GAP
         return [
             _Preselected(row, T, None if evidence.score >= least else evidence)
             for row, T, evidence in found[:MAX_REFINED]

@@ -155,7 +155,8 @@ class CellList:
         starts[c]:starts[c + 1] of `points`."""
         self._columns = np.empty((3, len(points)), np.float32)
         gather_columns(ordered, order, self._columns)
-        self._cells = self._columns, self.starts, *build_table(keys), *self._grid
+        self.arrays = self._columns, self.starts, *build_table(keys), *self._grid
+        """The cell list as the kernels take it, their `CELLS`."""
 
     @cached_property
     def points(self) -> Points:
@@ -169,7 +170,7 @@ class CellList:
         -------
         (N,) row of `points`, or -1, and (N,) squared distance, or infinity.
         """
-        row, squared = nearest_within(queries, self.reach, self._cells)
+        row, squared = nearest_within(queries, self.reach, self.arrays)
         return row, squared
 
     def nearest_rows(self, queries: Points) -> NDArray[np.int64]:
@@ -181,4 +182,4 @@ class CellList:
 
     def planes(self, queries: Points) -> LocalPlanes:
         """Fit a plane to the points within reach of each query (N, 3)."""
-        return LocalPlanes(*local_planes(queries, self.reach, self._cells))
+        return LocalPlanes(*local_planes(queries, self.reach, self.arrays))

@@ -149,6 +149,28 @@ def min_distance_key(qx, qy, qz, best, px, py, pz, first):
     return best
 
 
+@njit(f"int64(float32, float32, float32, int64, {CELLS})", cache=True)
+def nearest_key(qx, qy, qz, best, cells):
+    """Return the smaller of `best` and the least distance key of all points around a place.
+
+    `best` is the key of the largest distance that is asked for, at most the edge of the cells.
+    """
+    place = locate(qx, qy, qz, cells)
+    if min(place[0], place[1], place[2]) < -1:
+        return best
+    if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
+        return best
+    columns = cells[0]
+    x, y, z = columns[0], columns[1], columns[2]
+    for sx in NEIGHBOR_STEPS:
+        for sy in NEIGHBOR_STEPS:
+            limit = np.int32(best >> 32).view(np.float32)
+            a, b = column_run(place, sx, sy, limit, cells)
+            if a < b:
+                best = min_distance_key(qx, qy, qz, best, x[a:b], y[a:b], z[a:b], a)
+    return best
+
+
 @njit(
     f"Tuple((int32[::1], float32[::1]))(float32[:, ::1], float32, {CELLS})",
     cache=True,
@@ -174,23 +196,10 @@ def nearest_within(queries, reach, cells):
     n = queries.shape[0]
     nearest = np.full(n, np.int32(-1))
     squared = np.full(n, np.float32(np.inf))
-    columns = cells[0]
-    x, y, z = columns[0], columns[1], columns[2]
+    none = distance_key(reach * reach)
     for i in prange(n):
-        qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        place = locate(qx, qy, qz, cells)
-        if min(place[0], place[1], place[2]) < -1:
-            continue
-        if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
-            continue
-        limit = reach * reach
-        none = best = distance_key(limit)
-        for sx in NEIGHBOR_STEPS:
-            for sy in NEIGHBOR_STEPS:
-                a, b = column_run(place, sx, sy, limit, cells)
-                if a < b:
-                    best = min_distance_key(qx, qy, qz, best, x[a:b], y[a:b], z[a:b], a)
-                    limit = np.int32(best >> 32).view(np.float32)
+        best = nearest_key(queries[i, 0], queries[i, 1], queries[i, 2], none, cells)
         if best < none:
-            nearest[i], squared[i] = np.int32(best & 0x7FFFFFFF), limit
+            nearest[i] = np.int32(best & 0x7FFFFFFF)
+            squared[i] = np.int32(best >> 32).view(np.float32)
     return nearest, squared

@@ -15,8 +15,7 @@ from mpe_core.geometry.sampling import take_every
 from mpe_core.kernels.potential_moments import potential_moments
 from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.refine.covariance import MotionAxes, PoseUncertainty, sandwich_covariance
-from mpe_core.refine.minimum import Minimum
-from mpe_core.refine.point_to_plane import STEP_TOL
+from mpe_core.refine.minimum import STEP_TOL, Minimum
 from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import FULL_SUM_POINTS
 

@@ -12,6 +12,10 @@ from mpe_core.geometry.rigid import inverse
 
 Criterion = Literal["point_to_plane", "smoothed_point_to_plane", "full_sum"]
 
+STEP_TOL = 2e-5
+"""Step in radians (0.001 degrees) and radii under which an iteration has converged; below it, the
+nearest points keep changing places."""
+
 
 @dataclass(frozen=True, slots=True)
 class Minimum:

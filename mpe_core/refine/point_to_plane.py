@@ -18,16 +18,14 @@ from mpe_core.refine.covariance import DERIVATIVE_POINTS, MotionAxes, PoseUncert
 from mpe_core.refine.minimum import Criterion, Minimum
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.small_features import is_held
-from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
+from mpe_core.refine.target_planes import (
+    Correspondences,
+    TargetPlanes,
+    match_planes,
+    schedule,
+)
 
 Array = NDArray[np.float64]
-
-FIRST_CUTOFF_FACTOR = 3.0
-"""Cut-off of the first steps, which bring the pose near, over that of the last ones."""
-
-STEP_TOL = 2e-5
-"""Step in radians (0.001 degrees) and radii under which the iteration has converged; below it, the
-nearest points keep changing places."""
 
 MAX_STEPS = 20
 """Bound on the steps of a candidate's refinement. Only the best goes on (docs/tuning.md)."""
@@ -141,9 +139,10 @@ class PointToPlane:
         """(M,) surface variation at some points of the fixed cloud."""
         return self._planes.variation_of_subset()
 
-    def refine_shortly(self, T: Array) -> Array:
-        """(4, 4) pose that a subset of the sample reaches in a few steps from the pose T."""
-        return self._minimize(self._subset, T, PRESELECT_STEPS).T
+    def refine_shortly(self, poses: Array) -> Array:
+        """(K, 4, 4) poses that a subset of the sample reaches in a few steps from others."""
+        allowed = self._motion_basis @ np.linalg.pinv(self._motion_basis)
+        return self._planes.descend(poses, self._subset, PRESELECT_STEPS, allowed)
 
     def match_subset(self, T: Array) -> Correspondences:
         """Match a subset of the sample at the pose T with the planes."""
@@ -254,8 +253,7 @@ def minimize_point_to_plane(
         Whether the start is near the minimum; otherwise the first steps have a wider cut-off.
     """
     iterations = 0
-    for cutoff in (FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff)[is_near:]:
-        tolerance = STEP_TOL if cutoff == target.cutoff else 20 * STEP_TOL
+    for cutoff, tolerance in schedule(target.cutoff)[is_near:]:
         converged = False
         while not converged and iterations < max_steps:
             H, g = match_planes(sample, target, T, smooth=smooth).normal_equations(cutoff)

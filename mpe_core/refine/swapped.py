@@ -61,9 +61,10 @@ class SwappedPointToPlane:
         """Match a sample of the target with the planes of the source, at the pose T."""
         return self._inner.match(inverse(T))
 
-    def refine_shortly(self, T: Array) -> Array:
-        """(4, 4) pose that a subset of the sample reaches in a few steps from the pose T."""
-        return inverse(self._inner.refine_shortly(inverse(T)))
+    def refine_shortly(self, poses: Array) -> Array:
+        """(K, 4, 4) poses that a subset of the sample reaches in a few steps from others."""
+        ends = self._inner.refine_shortly(np.array([inverse(T) for T in poses]))
+        return np.array([inverse(T) for T in ends])
 
     def match_subset(self, T: Array) -> Correspondences:
         """Match a subset of the sample with the planes of the source, at the pose T."""

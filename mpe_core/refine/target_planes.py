@@ -12,7 +12,9 @@ from mpe_core.clouds.surface import orient_normals
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply
 from mpe_core.geometry.sampling import take_every
+from mpe_core.kernels.plane_descent import descend_on_planes
 from mpe_core.kernels.plane_equations import plane_equations
+from mpe_core.refine.minimum import STEP_TOL
 
 Array = NDArray[np.float64]
 
@@ -24,8 +26,22 @@ TUKEY_CUTOFF, TUKEY_CUTOFF_SPACINGS, TUKEY_CUTOFF_NOISES = 0.007, 0.45, 3.0
 """Cut-off of Tukey's biweight in the same units. Smaller ones lose accuracy on LiDAR and in rooms,
 larger ones on clean scans (docs/tuning.md)."""
 
+FIRST_CUTOFF_FACTOR = 3.0
+"""Cut-off of the first steps, which bring the pose near, over that of the last ones."""
+
+FIRST_STEP_TOL_FACTOR = 20.0
+"""Step that ends the first steps over the one that ends the last ones."""
+
 SPACING_SUBSET_POINTS = 1000
 """Points of which the neighbours are counted to estimate the spacing."""
+
+
+def schedule(cutoff: float) -> list[tuple[float, float]]:
+    """Return the rounds of steps towards a minimum: their cut-offs, and the steps that end them."""
+    return [
+        (FIRST_CUTOFF_FACTOR * cutoff, FIRST_STEP_TOL_FACTOR * STEP_TOL),
+        (cutoff, STEP_TOL),
+    ]
 
 
 class TargetPlanes:
@@ -86,17 +102,55 @@ class TargetPlanes:
         variation
             (N,) surface variation around each point; NaN at the border of the cloud.
         """
-        new = np.unique(rows[~self._is_fitted[rows]])
-        if len(new):
-            points = self.cells.points[new]
-            planes = self.cells.planes(points)
-            normals = planes.normals
-            if self._viewpoints is not None:
-                normals = orient_normals(points, normals, self._viewpoints)
-            self._feet[new], self._normals[new] = planes.project(points), normals
-            self._variation[new] = planes.comparable_variation(self.radius)
-            self._is_fitted[new] = True
+        self._fit(np.unique(rows[~self._is_fitted[rows]]))
         return self._feet[rows], self._normals[rows], self._variation[rows]
+
+    def descend(self, poses: Array, sample: Sample, max_steps: int, allowed: Array) -> Array:
+        """Move many poses (K, 4, 4) of a sample a few steps towards their minima.
+
+        The function is that of `minimize_point_to_plane`.
+
+        Parameters
+        ----------
+        poses
+            (K, 4, 4) starts.
+        sample
+            Points of the moving cloud.
+        max_steps
+            Bound on the steps of each pose.
+        allowed
+            (6, 6) projector on the small motions that are allowed.
+
+        Returns
+        -------
+        (K, 4, 4) the poses reached.
+        """
+        self._fit(np.flatnonzero(~self._is_fitted))  # together, all take as long as some of them
+        ends = np.array(poses, np.float64, order="C")
+        outward = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
+        rounds = schedule(self.cutoff)
+        descend_on_planes(
+            ends,
+            (sample.points, outward),
+            (self.cells.points, self._normals, self.cells.reach),
+            self.cells.arrays,
+            (*map(np.array, zip(*rounds, strict=True)), max_steps),
+            allowed,
+        )
+        return ends
+
+    def _fit(self, rows: NDArray[np.integer]) -> None:
+        """Fit the planes at the rows of `cells.points`."""
+        if len(rows) == 0:
+            return
+        points = self.cells.points[rows]
+        planes = self.cells.planes(points)
+        normals = planes.normals
+        if self._viewpoints is not None:
+            normals = orient_normals(points, normals, self._viewpoints)
+        self._feet[rows], self._normals[rows] = planes.project(points), normals
+        self._variation[rows] = planes.comparable_variation(self.radius)
+        self._is_fitted[rows] = True
 
     def variation_of_subset(self) -> Points:
         """(N,) surface variation at some of the points."""
