@@ -176,3 +176,23 @@ def test_noise_decides_the_regime():
         assert regime.plane_noise == regime.roughness > 0.013
         assert regime.takes_planes_of_source == (source is clean)
         assert regime.uses_full_sum == regime.is_sparse
+
+
+def test_many_poses_refined_at_once_end_where_each_ends_alone(clouds):
+    starts = np.array([TRUTH, OFF @ TRUTH, inverse(OFF) @ TRUTH])
+    planes = refiner(*clouds)
+    together = planes.refine_shortly(starts)
+    for start, end in zip(starts, together, strict=True):
+        (alone,) = planes.refine_shortly(start[None])
+        assert np.array_equal(end, alone)
+        assert rotation_error(end, TRUTH) < 0.3
+    swapped = SwappedPointToPlane(refiner(*clouds))
+    (back,) = swapped.refine_shortly(np.array([inverse(OFF @ TRUTH)]))
+    assert rotation_error(inverse(back), together[1]) < 1e-6
+
+
+def test_many_poses_stay_within_the_motion_basis(clouds):
+    only_translation = np.eye(6)[:, 3:]
+    (end,) = refiner(*clouds, basis=only_translation).refine_shortly((OFF @ TRUTH)[None])
+    assert rotation_error(end, OFF @ TRUTH) < 1e-9
+    assert shift_between(end, OFF @ TRUTH) > 1e-3
