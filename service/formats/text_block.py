@@ -92,6 +92,32 @@ def skip_lines(path: Path, offset: int, count: int) -> int:
 
 def count_lines(block: TextBlock, limits: ReadLimits) -> int:
     """Count the lines, of which the last may be empty, and check their lengths."""
+    lines, is_doubtful = 0, False
+    for chunk in block.chunks():
+        lines += int(np.count_nonzero(np.frombuffer(chunk, np.uint8) == ord("\n")))
+        is_doubtful |= not _has_short_lines(chunk, limits.max_line_bytes // 2)
+    if is_doubtful:
+        _check_line_lengths(block, limits)
+    allowed = 2 * limits.max_points + limits.max_header_lines
+    if lines > allowed:
+        raise TooManyPointsError(f"the file has {lines} lines; the limit is {allowed}")
+    return lines + 1
+
+
+def _has_short_lines(chunk: bytes, length: int) -> bool:
+    """Whether each part of this length has a line end, so that no line is twice as long."""
+    starts = range(0, len(chunk), length)
+    return all(chunk.find(b"\n", start, start + length) >= 0 for start in starts)
+
+
+def _check_line_lengths(block: TextBlock, limits: ReadLimits) -> None:
+    """Check the length of each line.
+
+    Raises
+    ------
+    FileLimitError
+        A line is longer than the limit.
+    """
     lines, length = 0, 0
     for chunk in block.chunks():
         ends = np.flatnonzero(np.frombuffer(chunk, np.uint8) == ord("\n"))
@@ -104,10 +130,6 @@ def count_lines(block: TextBlock, limits: ReadLimits) -> int:
             )
         lines += len(ends)
         length = len(chunk) - 1 - int(ends[-1]) if len(ends) else length + len(chunk)
-    allowed = 2 * limits.max_points + limits.max_header_lines
-    if lines > allowed:
-        raise TooManyPointsError(f"the file has {lines} lines; the limit is {allowed}")
-    return lines + 1
 
 
 def read_head_lines(path: Path, limits: ReadLimits) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.formats import CloudFileError
+from service.formats import CloudFileError, FileLimitError, ReadLimits
 from tests.factories.cloud_files import NORMALS, POINTS, text_rows
 from tests.factories.decoding import decode, reason_of_refusal
 
@@ -251,3 +251,17 @@ def test_columns_without_names_are_never_taken_silently(tmp_path: Path) -> None:
     assert "columns 1, 2 and 3 of 5" in " ".join(cloud.warnings)
     assert decode(tmp_path, rows(" ")).warnings == ()
     assert decode(tmp_path, b"40\n" + rows(" ", "", " {i} 7 8 9")).warnings == ()
+
+
+def test_lines_beyond_the_limit_are_named(tmp_path: Path) -> None:
+    """Wherever the line lies: its length is known without looking at the others' one by one."""
+    limit = ReadLimits().max_line_bytes
+    for before in (0, 9, 3 * limit // 16, (1 << 20) // 16 - 900, (1 << 20) // 16 + 1):
+        for length, is_long in ((limit, False), (limit + 2, True)):
+            end = b"1 2 3 " + b"a" * (length - 7) + b"\n"
+            content = b"1.00 2.00 3.000\n" * before + end + b"4 5 6\n"
+            if not is_long:
+                assert len(decode(tmp_path, content).points) == before + 2
+                continue
+            with pytest.raises(FileLimitError, match=f"line {before + 1}: longer than {limit}"):
+                decode(tmp_path, content)
