@@ -28,7 +28,7 @@ from service.formats import (
     xyz,
 )
 from service.formats.decoded_cloud import DecodedCloud
-from service.formats.mesh import gltf, stl
+from service.formats.mesh import gltf, off, stl
 from service.formats.mesh import text as mesh_text
 from service.formats.vtk import xml as vtk_xml
 
@@ -195,10 +195,10 @@ FORMATS = (
         "off",
         "Object File Format: the surface, or the vertices",
         (".off",),
-        mesh_text.sniff_off,
-        mesh_text.read_off,
-        ("faces",),
-        read_pieces=mesh_text.read_off_pieces,
+        off.sniff,
+        off.read,
+        ("faces", "attributes"),
+        read_pieces=off.read_pieces,
     ),
     Format(
         "zip",

@@ -17,7 +17,7 @@ from service.formats.errors import (
     UnsupportedFileError,
     missing_attribute,
 )
-from service.formats.mesh.text import is_off_without_keyword, read_off
+from service.formats.mesh import off
 from service.formats.numerals import is_number, significant_line, unquote
 from service.formats.text_block import (
     CUT_WARNING,
@@ -70,8 +70,8 @@ def read(
     text = _Text.open(path, limits, weights)
     cloud = text.read(text.block(path), limits, attributes=attributes)
     text.check_counts(len(cloud.points))
-    if is_off_without_keyword(text.first_line(), len(cloud.points)):
-        mesh = read_off(path, limits, faces=faces)
+    if off.is_off_without_keyword(text.first_line(), len(cloud.points)):
+        mesh = off.read(path, limits, attributes=attributes, faces=faces)
         return replace(mesh, warnings=(_NO_KEYWORD, *mesh.warnings))
     return replace(cloud, warnings=text.warnings(path) + cloud.warnings)
 

@@ -122,6 +122,13 @@ def off() -> bytes:
     return b"OFF\n# by hand\n40 38 0\n" + text_rows(POINTS) + faces.encode()
 
 
+def colored_off() -> bytes:
+    """Vertices with a normal and a colour of four numbers."""
+    rows = text_rows(POINTS).decode().splitlines()
+    lines = [f"{row} 0 0.6 0.8 255 {i} 7 255" for i, row in enumerate(rows)]
+    return "\n".join(["CNOFF", "40 1 0", *lines, "3 0 1 2", ""]).encode()
+
+
 def _gltf() -> tuple[dict[str, object], bytes]:
     """A document and its data: a node moves the mesh, whose vertices are moved back."""
     data = (POINTS - MOVE.astype(np.float32)).tobytes() + FACES.astype("<u4").tobytes()
@@ -283,6 +290,7 @@ def scanner_seeds() -> dict[str, bytes]:
         "stl ascii": stl_ascii(),
         "obj": obj(),
         "off": off(),
+        "off colours": colored_off(),
         "gltf": gltf(),
         "glb": glb(),
         "ptx": ptx(),

@@ -9,11 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import CloudFileError, read_points
+from service.formats import CloudFileError, ReadLimits, read_pieces, read_points
 from service.formats.errors import short_reason
 from tests.factories.cloud_files import POINTS, text_rows
 from tests.factories.decoding import decode, write_file
-from tests.factories.scanner_files import DOUBLES, FACES, glb, gltf, stl_ascii, stl_binary
+from tests.factories.scanner_files import (
+    DOUBLES,
+    FACES,
+    colored_off,
+    glb,
+    gltf,
+    stl_ascii,
+    stl_binary,
+)
 
 REAL = [
     ("formats/mesh.obj", 5623, (8.902039, 14.477572, 22.889115)),
@@ -37,6 +45,20 @@ def test_other_kinds_of_off_are_named(tmp_path: Path, first: str) -> None:
     path = write_file(tmp_path, (first + "0 0 0 1 2\n" * 6).encode())
     with pytest.raises(CloudFileError, match="OFF in binary or of n dimensions"):
         read_points(path)
+
+
+def test_normals_and_colours_of_an_off(tmp_path: Path) -> None:
+    path = write_file(tmp_path, colored_off())
+    for limits in (None, ReadLimits(max_points=16)):
+        (cloud, *_) = read_pieces(path, limits, attributes=True)
+        assert list(cloud.attributes) == ["nx", "ny", "nz", "red", "green", "blue"]
+        assert cloud.attributes["green"].dtype == np.uint8
+        np.testing.assert_array_equal(cloud.attributes["green"], np.arange(40))
+        np.testing.assert_array_equal(cloud.attributes["nz"], np.full(40, 0.8))
+    assert (
+        "1 columns behind the coordinates are not kept"
+        in read_points(path, attributes=True).warnings
+    )
 
 
 STL = {
