@@ -37,16 +37,17 @@ Every error is `application/problem+json` (RFC 9457). `type` is `urn:mpe:problem
 names. Other statuses of HTTP itself (404, 405, ...) are named by their phrase: `not-found`.
 """
 FORMATS_TEXT = """\
-The content of a file decides its format, not its name. `GET /v1/formats` lists the same.
+The content of a file decides its format, not its name. `GET /v1/formats` lists the same. What is
+kept beside the coordinates goes into aligned files; a warning names what is not.
 """
 WRITERS_TEXT = """
 ## Written
 
-`mpe align -o FILE` and `GET .../aligned?format=` write these. Attributes are read from every
-format; columns of text and arrays without names are called `column_4` and so on. Normals,
-velocities, and the axes and harmonics of Gaussian splats are turned. What a format cannot hold
-is named in a warning: on standard error, or in the header `X-Warnings` (a JSON array). An
-attribute called x, y or z is called `attribute_x`, `attribute_y` or `attribute_z`.
+`mpe align -o FILE` and `GET .../aligned?format=` write these. Columns of text and
+arrays without names are called `column_4` and so on, by their places. Normals, velocities, and the
+axes and harmonics of Gaussian splats are turned. What a format cannot hold is named in a warning:
+on standard error, or in the header `X-Warnings` (a JSON array). An attribute called x, y or z is
+called `attribute_x`, `attribute_y` or `attribute_z`.
 
 """
 
@@ -62,7 +63,10 @@ def render_pages() -> dict[str, str]:
         "result.md": _page("Result", RESULT_TEXT, ("field", "meaning"), _result_fields(Result)),
         "problems.md": _page("Problems", PROBLEMS_TEXT, ("name", "status", "meaning"), _problems()),
         "formats.md": _page(
-            "Formats", FORMATS_TEXT, ("format", "usual extensions", "what is read"), _formats()
+            "Formats",
+            FORMATS_TEXT,
+            ("format", "usual extensions", "what is read", "what is kept"),
+            _formats(),
         )
         + WRITERS_TEXT
         + _table(("format", "what is kept beside the coordinates"), _writers()),
@@ -96,7 +100,7 @@ def _problems() -> Iterator[tuple[str, ...]]:
 
 def _formats() -> Iterator[tuple[str, ...]]:
     for item in FORMATS:
-        yield f"`{item.name}`", ", ".join(item.extensions), item.title
+        yield f"`{item.name}`", ", ".join(item.extensions), item.title, item.kept
 
 
 def _writers() -> Iterator[tuple[str, ...]]:

@@ -20,9 +20,10 @@ from service.formats.errors import (
     UnknownFormatError,
     UnsupportedFileError,
 )
+from service.formats.format import Format
 from service.formats.las_metadata import LasMetadata, LasRecord
 from service.formats.read import read_crs, read_pieces, read_points, sniff, sniff_file
-from service.formats.registry import FORMATS, Format
+from service.formats.registry import FORMATS
 from service.formats.surface import read_surface
 from service.formats.writers import WRITERS, write_cloud, write_pieces, write_ply
 

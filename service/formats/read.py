@@ -22,10 +22,11 @@ from service.formats.errors import (
 )
 from service.formats.foreign import foreign_format
 from service.formats.foreign_guesses import guess_foreign
+from service.formats.format import Format, ReadChoice
 from service.formats.kitti import are_float_rows
 from service.formats.las_metadata import LasRecord
 from service.formats.numerals import significant_line
-from service.formats.registry import FORMATS, Format, ReadChoice
+from service.formats.registry import FORMATS
 from service.formats.text_encoding import rewrite_text, to_plain_head
 from service.formats.thinning import thin_pieces
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Callable
 
 from service.formats import (
     archives,
@@ -27,39 +24,10 @@ from service.formats import (
     vtk,
     xyz,
 )
-from service.formats.decoded_cloud import DecodedCloud
+from service.formats.format import Format
 from service.formats.mesh import gltf, off, stl
 from service.formats.mesh import text as mesh_text
 from service.formats.vtk import xml as vtk_xml
-
-ReadChoice = Literal["scan", "faces", "attributes", "weights", "columns", "array"]
-"""Keyword arguments of `read_points` that only some formats know."""
-
-
-def _never(_: Any) -> bool:
-    return False
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A file format: how it is recognised and read."""
-
-    name: str
-    """Name in requests and results."""
-    title: str
-    """One line for users: the dialects that are read."""
-    extensions: tuple[str, ...]
-    """Usual file extensions; for information only."""
-    sniff: Callable[[bytes], bool] | None
-    """Whether the first bytes of a file match; None: read only if declared."""
-    read: Callable[..., DecodedCloud] | None
-    """Takes the path, the limits, and the choices as keywords; None: always an archive."""
-    choices: tuple[ReadChoice, ...] = ()
-    """Keyword arguments that `read` takes."""
-    is_archive: Callable[[Path], bool] = _never
-    """Whether a file is an archive around another cloud file, which is read instead."""
-    read_pieces: Callable[..., Iterator[DecodedCloud]] | None = None
-    """As `read`, but yields consecutive parts of bounded size; None: files are read whole."""
 
 
 def _starts_with(*magics: bytes) -> Callable[[bytes], bool]:
@@ -70,6 +38,7 @@ FORMATS = (
     Format(
         "ply",
         "Stanford PLY: ASCII, binary of both byte orders; the vertices, or the surface of a mesh",
+        "all properties of one number, normals, faces",
         (".ply",),
         ply.sniff,
         ply.read,
@@ -79,6 +48,7 @@ FORMATS = (
     Format(
         "pcd",
         "Point Cloud Library: ASCII, binary, binary_compressed",
+        "all fields, those of several numbers apart, normals, viewpoint",
         (".pcd",),
         pcd.sniff,
         pcd.read,
@@ -88,6 +58,7 @@ FORMATS = (
     Format(
         "las",
         "ASPRS LAS 1.0 to 1.5 and LAZ, scale and offset in float64",
+        "all dimensions and extra bytes, records, coordinate system, scale, kind of time",
         (".las", ".laz"),
         _starts_with(las.MAGIC),
         las.read,
@@ -97,6 +68,7 @@ FORMATS = (
     Format(
         "e57",
         "ASTM E57: one scan, or all merged, with the places of their scanners",
+        "all fields that every scan has, place of a single scan",
         (".e57",),
         _starts_with(e57.MAGIC),
         e57.read,
@@ -106,6 +78,7 @@ FORMATS = (
     Format(
         "ptx",
         "Leica PTX: one scan, or all merged, with the places of their scanners",
+        "intensity, colours, place of a single scan",
         (".ptx",),
         ptx.sniff,
         ptx.read,
@@ -115,6 +88,7 @@ FORMATS = (
     Format(
         "npy",
         "NumPy array (N, 3 or more), (H, W, 3), or with fields x, y, z",
+        "all fields or columns, normals",
         (".npy",),
         _starts_with(npy.MAGIC),
         npy.read_npy,
@@ -125,6 +99,7 @@ FORMATS = (
         "hdf5",
         "HDF5, also MATLAB 7.3: the data set called points, xyz, ..., or the only one, or the one "
         "that `array` names; one of several clouds by its number",
+        "arrays of one number or a few for each point, normals",
         (".h5", ".hdf5", ".mat"),
         hdf5.sniff,
         hdf5.read,
@@ -135,6 +110,7 @@ FORMATS = (
         "matlab",
         "MATLAB 5 to 7.2: the matrix called points, xyz, ..., or the only one, or the one that "
         "`array` names",
+        "arrays of one number or a few for each point, normals",
         (".mat",),
         matlab.sniff,
         matlab.read,
@@ -143,6 +119,7 @@ FORMATS = (
     Format(
         "vtk",
         "VTK, legacy files in ASCII or binary: the surface, or the points, of poly data and grids",
+        "arrays of the points, normals, faces",
         (".vtk",),
         _starts_with(vtk.MAGIC),
         vtk.read,
@@ -152,6 +129,7 @@ FORMATS = (
     Format(
         "vtp",
         "VTK in XML, text or binary, compressed by zlib, LZMA or not: as legacy files",
+        "arrays of the points, normals, faces",
         (".vtp", ".vtu", ".vts"),
         vtk_xml.sniff,
         vtk_xml.read,
@@ -160,6 +138,7 @@ FORMATS = (
     Format(
         "gltf",
         "glTF 2.0 with its data inside, compressed by Draco or not: the surface, or the vertices",
+        "faces, colours, of meshes other attributes of one number",
         (".glb", ".gltf"),
         gltf.sniff,
         mesh.read_gltf,
@@ -168,6 +147,7 @@ FORMATS = (
     Format(
         "draco",
         "Draco (.drc), also within glTF: points, or the surface of a mesh",
+        "faces, normals, colours, other attributes",
         (".drc",),
         draco.sniff,
         draco.read,
@@ -176,6 +156,7 @@ FORMATS = (
     Format(
         "stl",
         "STL, binary and ASCII: the surface, or the vertices",
+        "faces",
         (".stl",),
         stl.sniff,
         stl.read,
@@ -185,6 +166,7 @@ FORMATS = (
     Format(
         "obj",
         "Wavefront OBJ: the surface, or the vertices",
+        "faces, colours",
         (".obj",),
         mesh_text.sniff_obj,
         mesh_text.read_obj,
@@ -194,6 +176,7 @@ FORMATS = (
     Format(
         "off",
         "Object File Format: the surface, or the vertices",
+        "faces, normals, colours",
         (".off",),
         off.sniff,
         off.read,
@@ -204,6 +187,7 @@ FORMATS = (
         "zip",
         "NumPy archive (.npz): the array called points, xyz, ..., or the only one, or the one that "
         "`array` names; or one file of any format, zipped",
+        "arrays of one number or a few for each point, normals; or as in the file inside",
         (".npz", ".zip"),
         _starts_with(archives.ZIP_MAGIC),
         npy.read_npz,
@@ -213,6 +197,7 @@ FORMATS = (
     Format(
         "gzip",
         "one file of any format, compressed by gzip",
+        "as in the file inside",
         (".gz",),
         _starts_with(archives.GZIP_MAGIC),
         None,
@@ -220,6 +205,7 @@ FORMATS = (
     Format(
         "xyz",
         "text, one point a line: blanks, tabs, commas, semicolons; with header or without; PTS",
+        "all columns of numbers, normals",
         (".xyz", ".txt", ".csv", ".pts", ".asc"),
         xyz.sniff,
         xyz.read,
@@ -229,6 +215,7 @@ FORMATS = (
     Format(
         "colmap",
         "COLMAP's points3D.bin; points3D.txt is read as text",
+        "colours, numbers of the points, errors, lengths of the tracks",
         (".bin",),
         colmap.sniff,
         colmap.read,
@@ -237,6 +224,7 @@ FORMATS = (
     Format(
         "spz",
         "Gaussian splats of Niantic (.spz, versions 2 and 3): their centres",
+        "opacity, colours",
         (".spz",),
         _starts_with(spz.MAGIC),
         spz.read,
@@ -245,6 +233,7 @@ FORMATS = (
     Format(
         "lvx2",
         "Livox recordings (LVX2): all frames, merged, in metres",
+        "intensity, tag, time",
         (".lvx2",),
         _starts_with(lvx.MAGIC),
         lvx.read,
@@ -253,6 +242,7 @@ FORMATS = (
     Format(
         "splat",
         "Gaussian splats (.splat): their centres; PLY files of splats are read as PLY",
+        "colours, opacity, scales and rotations",
         (".splat",),
         splat.sniff,
         splat.read,
@@ -262,6 +252,7 @@ FORMATS = (
         "kitti",
         "rows of float32, x, y, z, intensity, or 3 to 8 `columns`, without a header: only if "
         "declared",
+        "all columns",
         (".bin",),
         None,
         kitti.read,
