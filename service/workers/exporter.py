@@ -15,6 +15,7 @@ from mpe_core.machine import count_oom_kills
 from service.jobs.model import JobRow
 from service.jobs.transitions import MAX_LOST_ATTEMPTS
 from service.problems import (
+    INTERNAL,
     TYPE_PREFIX,
     ExpiredError,
     JobMemoryError,
@@ -223,12 +224,13 @@ def _await_answer(child: Child, task: FileTask, timeout_s: float, disk: DiskSpac
     abandoned = is_abandoned.get()
     while (left_s := deadline - time.monotonic()) > 0:
         message = child.receive(min(left_s, DISK_INTERVAL_S))
+        is_unexplained = isinstance(message, Failed) and message.problem.status == INTERNAL.status
+        if disk.is_short and (message is None or is_unexplained):  # libraries do not say why
+            raise OverloadedError("Too little disk is left for the file; retry later.")
         if isinstance(message, Exported | Failed):
             return message
         if message is not None:
             raise ChildLostError(f"it answered {message.kind!r} to another task")
-        if disk.is_short:
-            raise OverloadedError("Too little disk is left for the file; retry later.")
         if abandoned is not None and abandoned.is_set():
             raise NotReadyError("The connection was closed during the export.")
     raise JobTimeoutError(f"The export was ended after the allowed {timeout_s:g} s.")

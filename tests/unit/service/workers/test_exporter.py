@@ -15,6 +15,7 @@ import pytest
 
 from service.formats.errors import CloudFileError
 from service.problems import (
+    INTERNAL,
     JobMemoryError,
     JobTimeoutError,
     NotReadyError,
@@ -22,6 +23,7 @@ from service.problems import (
     ServiceError,
     WorkerLostError,
     error_document,
+    problem_document,
     problem_type,
 )
 from service.settings import Settings
@@ -195,6 +197,22 @@ def test_a_file_that_leaves_too_little_of_the_disk_is_given_up(
     ):
         export(made)
     assert children.started[0].is_killed
+
+
+def test_a_failure_of_a_library_on_a_full_disk_is_no_error_of_the_service(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """lazrs says "Failed to call seek"."""
+    failed = Failed(Problem(**problem_document(INTERNAL, "The worker failed.")), {})
+    with exporter(tmp_path, monkeypatch, failed) as (made, _):
+        with pytest.raises(ExportError) as raised:
+            export(made)
+        assert problem_type(raised.value).status == 500
+    with (
+        exporter(tmp_path, monkeypatch, failed, min_free_disk_bytes=2**60) as (made, _),
+        pytest.raises(OverloadedError, match="disk"),
+    ):
+        export(made)
 
 
 class Waiting:
