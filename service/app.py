@@ -9,6 +9,7 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 from service.api.error_handlers import register_error_handlers
+from service.api.liveness import liveness_app
 from service.api.middleware.conditional import ConditionalMiddleware
 from service.api.middleware.cors import CORS_OPTIONS
 from service.api.middleware.drain_body import DrainBodyMiddleware
@@ -93,6 +94,7 @@ def create_app(settings: Settings | None = None, role: Role = "all") -> FastAPI:
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(RequestLogMiddleware, metrics=metrics)
     register_error_handlers(app, metrics)
+    app.state.liveness = liveness_app(metrics)
     for module in (health,) if role == "worker" else ROUTE_MODULES:
         app.include_router(module.router)
     add_description(app)

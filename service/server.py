@@ -111,6 +111,7 @@ def serve(
     config = GuardedConfig(
         app,
         timeouts=Timeouts(settings.head_timeout_s, settings.body_stall_timeout_s),
+        liveness=app.state.liveness,
         host=host,
         port=port,
         server_header=False,

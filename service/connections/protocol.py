@@ -10,13 +10,16 @@ import enum
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import Any
 
 import h11
 import uvicorn
+from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
+from service.connections.probe import PROBE, answer_probe, is_probe
 from service.connections.refusal import refusal
 from service.connections.strict_connection import StrictConnection
 
@@ -38,11 +41,22 @@ class Timeouts:
 
 
 class GuardedConfig(uvicorn.Config):
-    """A uvicorn configuration with the time limits of its connections."""
+    """A uvicorn configuration with the time limits of its connections.
 
-    def __init__(self, app: Any, *, timeouts: Timeouts, **options: Any) -> None:
+    `liveness` answers probes, and waits for nothing; None: the application answers them.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        timeouts: Timeouts,
+        liveness: ASGIApp | None = None,
+        **options: Any,
+    ) -> None:
         super().__init__(app, http=GuardedProtocol, ws="none", **options)
         self.timeouts = timeouts
+        self.liveness = liveness
 
 
 class Phase(enum.Enum):
@@ -68,6 +82,9 @@ class GuardedProtocol(H11Protocol):
         self.conn: StrictConnection = StrictConnection()
         self.on_lost: Callable[[], None] = lambda: None
         self._timeouts = config.timeouts
+        self._liveness = config.liveness
+        self._may_answer = False
+        self._has_answered = False
         self._phase: tuple[Phase, object] | None = None
         self._phase_timer: asyncio.TimerHandle | None = None
         self._write_timer: asyncio.TimerHandle | None = None
@@ -114,6 +131,7 @@ class GuardedProtocol(H11Protocol):
             return
         if not self._pending:
             return
+        self._may_answer = True
         piece = bytes(self._pending[: self._step_bytes])
         started = time.perf_counter()
         super().data_received(piece)
@@ -132,8 +150,35 @@ class GuardedProtocol(H11Protocol):
             self.transport.resume_reading()
         self._watch()
 
+    def handle_events(self) -> None:
+        """Answer a probe at once, one in each step; begin a task for any other request."""
+        if not (self._may_answer and self.conn.is_before(PROBE) and self._answer_probe()):
+            super().handle_events()
+
+    def _answer_probe(self) -> bool:
+        """Answer the next request if it is a probe; return whether it is."""
+        if self._liveness is None or self.flow.write_paused:
+            return False
+        try:
+            request = self.conn.peek()
+        except h11.RemoteProtocolError as error:
+            self.send_400_response(str(error))
+            return True
+        if not isinstance(request, h11.Request) or not is_probe(request):
+            return False
+        self._may_answer = False
+        self.conn.next_event()
+        self.conn.next_event()  # its end
+        events = answer_probe(self._liveness, request, self.server_state.default_headers)
+        self.transport.write(b"".join(self.conn.send(event) or b"" for event in events))
+        if self.conn.our_state is h11.MUST_CLOSE:
+            self.transport.close()
+        self.on_response_complete()
+        return True
+
     def on_response_complete(self) -> None:
         """Wait for the next request, or for the rest of a body that was answered early."""
+        self._has_answered = True
         super().on_response_complete()
         self._watch()
 
@@ -157,7 +202,13 @@ class GuardedProtocol(H11Protocol):
 
     def send_400_response(self, msg: str) -> None:
         """Answer what is no valid request with a problem document, and close."""
-        self._refuse(self.conn.refused_status, "The bytes received are no valid HTTP/1.1 request.")
+        status, detail = (
+            self.conn.refused_status,
+            "The bytes received are no valid HTTP/1.1 request.",
+        )
+        if status == HTTPStatus.NOT_IMPLEMENTED:
+            detail = "The service does not know the method or the transfer coding of the request."
+        self._refuse(status, detail)
 
     def _should_upgrade(self) -> bool:
         return False
@@ -193,7 +244,7 @@ class GuardedProtocol(H11Protocol):
             return (Phase.BODY, cycle) if cycle.more_body else None
         if self.conn.their_state is h11.SEND_BODY:
             return Phase.BODY, cycle
-        if cycle is None or self.conn.trailing_data[0]:
+        if not self._has_answered or self.conn.trailing_data[0]:
             return Phase.HEAD, cycle
         return None  # idle between two requests: uvicorn's timer runs
 

@@ -9,6 +9,8 @@ import h11
 
 MAX_HEAD_BYTES = 16 * 1024
 """Longest request line and headers, in bytes."""
+METHODS = frozenset(b"GET HEAD POST PUT PATCH DELETE OPTIONS TRACE CONNECT".split())
+"""Methods that the application sees: RFC 9110, 9.3, and PATCH (RFC 5789)."""
 _FOLD = re.compile(rb"\n[ \t]")
 _ABSOLUTE = re.compile(rb"https?://([^/?#]*)(.*)", re.IGNORECASE | re.DOTALL)
 
@@ -19,6 +21,17 @@ class StrictConnection(h11.Connection):
     def __init__(self) -> None:
         super().__init__(h11.SERVER, MAX_HEAD_BYTES)
         self.refused_status = 400
+        self._peeked: Any = None
+
+    def is_before(self, start: bytes) -> bool:
+        """Return whether no request is under way and the bytes of the next one begin with these."""
+        states = self.our_state, self.their_state
+        return states == (h11.IDLE, h11.IDLE) and self.trailing_data[0].startswith(start)
+
+    def peek(self) -> Any:
+        """Parse the next event, which `next_event` returns again."""
+        self._peeked = self.next_event()
+        return self._peeked
 
     def next_event(self) -> Any:
         """Parse the next event.
@@ -27,8 +40,11 @@ class StrictConnection(h11.Connection):
         ------
         h11.RemoteProtocolError
             The bytes are not HTTP/1.1, Content-Length comes beside Transfer-Encoding (RFC 9112,
-            6.1), or a header goes on in the next line (5.2).
+            6.1), a header goes on in the next line (5.2), or nobody knows the method.
         """
+        if self._peeked is not None:
+            event, self._peeked = self._peeked, None
+            return event
         before = self.trailing_data[0] if self.their_state is h11.IDLE else b""
         try:
             event = super().next_event()
@@ -37,6 +53,9 @@ class StrictConnection(h11.Connection):
             raise
         if not isinstance(event, h11.Request):
             return event
+        if event.method not in METHODS:
+            self.refused_status = 501
+            raise h11.RemoteProtocolError("unknown method")
         head = before[: len(before) - len(self.trailing_data[0])]
         _check_head(event, head)
         return _in_origin_form(event)

@@ -22,11 +22,13 @@ async def listening(
     stall_s: float = 5,
     idle_s: float = 5,
     guard: ConnectionGuard | None = None,
+    liveness: Any = None,
 ) -> AsyncIterator[int]:
     """Serve the application at a free port of 127.0.0.1, and yield the port."""
     config = GuardedConfig(
         app,
         timeouts=Timeouts(head_s, stall_s),
+        liveness=liveness,
         log_config=None,
         lifespan="off",
         timeout_keep_alive=idle_s,
