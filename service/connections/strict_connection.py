@@ -9,8 +9,8 @@ import h11
 
 MAX_HEAD_BYTES = 16 * 1024
 """Longest request line and headers, in bytes."""
-METHODS = frozenset(b"GET HEAD POST PUT PATCH DELETE OPTIONS TRACE CONNECT".split())
-"""Methods that the application sees: RFC 9110, 9.3, and PATCH (RFC 5789)."""
+METHODS = frozenset(b"GET HEAD POST PUT PATCH DELETE OPTIONS TRACE CONNECT QUERY".split())
+"""Methods that the application sees: RFC 9110, 9.3, PATCH (RFC 5789), and QUERY."""
 _FOLD = re.compile(rb"\n[ \t]")
 _ABSOLUTE = re.compile(rb"https?://([^/?#]*)(.*)", re.IGNORECASE | re.DOTALL)
 
