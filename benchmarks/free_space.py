@@ -94,13 +94,14 @@ def _standing(pair: Pair, trial: Trial, T: Array) -> tuple[Array, Array, Array]:
     """Points of both scans in the target's frame, and those that stand in free space."""
     options = viewpoint_options(pair, trial)
     source, target = (take_every(cloud, DRAWN) for cloud in (trial.source, trial.target))
+    unit = normalize_pair(validate_cloud(trial.source), validate_cloud(trial.target)).unit
     images = (
-        RangeImage(trial.target, as_viewpoints(options.target_viewpoint)),
-        RangeImage(trial.source, as_viewpoints(options.source_viewpoint)),
+        RangeImage(trial.target / unit, as_viewpoints(options.target_viewpoint) / unit),
+        RangeImage(trial.source / unit, as_viewpoints(options.source_viewpoint) / unit),
     )
     moved = apply(T, source)
-    of_source = compare_with(images[0], moved)[0]
-    of_target = compare_with(images[1], apply(inverse(T), target))[0]
+    of_source = compare_with(images[0], moved / unit)[0]
+    of_target = compare_with(images[1], apply(inverse(T), target) / unit)[0]
     return moved, target, np.vstack([moved[of_source], target[of_target]])
 
 

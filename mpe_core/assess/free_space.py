@@ -31,7 +31,10 @@ MAX_POINTS = 4000
 
 
 class FreeSpace:
-    """Range images of both clouds of a pair, from their viewpoints."""
+    """Range images of both clouds of a pair, from their viewpoints.
+
+    Lengths are in radii of the smaller cloud.
+    """
 
     def __init__(
         self,
