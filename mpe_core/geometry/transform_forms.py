@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.validation import MAX_COORDINATE, is_rigid, is_rotation
+from mpe_core.geometry.vector_forms import as_array, check_size
 
 Array = NDArray[np.float64]
 
@@ -66,10 +67,7 @@ def is_nearly_rigid(T: Array) -> bool:
 def _numbers(value: Any) -> Array:
     if not _are_numbers(value):
         raise ValueError(f"must be {FORMS}, got {_shown(value)}")
-    try:
-        array = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = as_array(value)
     if array.shape == (7,):
         raise ValueError(
             "must say where its 7 numbers belong: send an object with quaternion_xyzw (or"
@@ -77,11 +75,7 @@ def _numbers(value: Any) -> Array:
         )
     if array.shape not in {(4, 4), (3, 4), (4, 3), (16,), (12,)} or not np.isfinite(array).all():
         raise ValueError(f"must be {FORMS}, of finite numbers, got {_shown(value)}")
-    if np.abs(array).max() > MAX_COORDINATE:
-        raise ValueError(
-            f"must hold numbers of at most {MAX_COORDINATE:g}, got {np.abs(array).max():g}"
-        )
-    return array
+    return check_size(array)
 
 
 def _are_numbers(value: Any) -> bool:

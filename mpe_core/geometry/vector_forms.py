@@ -26,11 +26,11 @@ def read_numbers(value: Any, shape: tuple[int, ...]) -> Array:
     ValueError
         It has another shape, or numbers that are not finite or too large.
     """
-    array = _as_array(value)
+    array = as_array(value)
     if array.shape != shape or not np.isfinite(array).all():
         size = " x ".join(str(n) for n in shape)
         raise ValueError(f"must be {size} finite numbers, got {_shorten(value)}")
-    return _check_size(array)
+    return check_size(array)
 
 
 def read_places(value: Any, most: int) -> Array:
@@ -41,7 +41,7 @@ def read_places(value: Any, most: int) -> Array:
     ValueError
         It has another shape, or numbers that are not finite or too large.
     """
-    array = _as_array(value)
+    array = as_array(value)
     if array.shape == (3,):
         array = array[None]
     has_shape = array.ndim == 2 and array.shape[1] == 3 and 1 <= len(array) <= most
@@ -49,17 +49,25 @@ def read_places(value: Any, most: int) -> Array:
         raise ValueError(
             f"must be 3 finite numbers, or a list of 1 to {most} times 3, got {_shorten(value)}"
         )
-    return _check_size(array)
+    return check_size(array)
 
 
-def _as_array(value: Any) -> Array:
+def as_array(value: Any) -> Array:
+    """Convert the value to an array; an empty one if it does not consist of numbers."""
     try:
         return np.asarray(value, np.float64)
     except (TypeError, ValueError):
         return np.empty(0)
 
 
-def _check_size(array: Array) -> Array:
+def check_size(array: Array) -> Array:
+    """Return the array.
+
+    Raises
+    ------
+    ValueError
+        It holds numbers that are too large to be calculated with.
+    """
     if np.abs(array).max() > MAX_COORDINATE:
         raise ValueError(
             f"must hold numbers of at most {MAX_COORDINATE:g}, got {np.abs(array).max():g}"

@@ -7,19 +7,20 @@ from numba import njit, prange
 
 from mpe_core.kernels.cell_list import CELLS, distance_key, nearest_key
 from mpe_core.kernels.energy_descent import solve_cholesky
+from mpe_core.kernels.plane_equations import add_row
 from mpe_core.kernels.rigid_motion import update_pose
 
 MOVING = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """Points (N, 3), and unit normals (N, 3) that point outwards, or (0, 3) if these are unknown."""
 PLANES = "Tuple((float32[:, ::1], float32[:, ::1], float32))"
 """Points (M, 3) in the order of the cells, their unit normals (M, 3), and the reach."""
-SCHEDULE = "Tuple((float64[::1], float64[::1], int64))"
+SCHEDULE = "Tuple((float32[::1], float64[::1], int64))"
 """Cut-off and tolerance of each round, and the bound on all steps."""
 
 
 @njit(
     f"boolean(float64[:, ::1], float32[::1], float64[:, ::1], float64[::1], int32[::1], {MOVING},"
-    f" {PLANES}, {CELLS}, float64)",
+    f" {PLANES}, {CELLS}, float32)",
     cache=True,
     error_model="numpy",
 )
@@ -53,7 +54,6 @@ def add_equations(T, moved, H, g, nearest, moving, planes, cells, cutoff):
             continue
         k = np.int32(best & 0x7FFFFFFF)
         nearest[i] = k
-        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         if outward.shape[0] > 0:
             facing = 0.0
             for a in range(3):
@@ -62,21 +62,16 @@ def add_equations(T, moved, H, g, nearest, moving, planes, cells, cutoff):
                 )
             if facing < 0.0:
                 continue
-        d = (fixed[k, 0] - px) * nx + (fixed[k, 1] - py) * ny + (fixed[k, 2] - pz) * nz
-        u = (d / cutoff) ** 2
-        if u >= 1.0:
-            continue
-        any_weight = True
-        w = (1.0 - u) * (1.0 - u)
-        J[0] = py * nz - pz * ny
-        J[1] = pz * nx - px * nz
-        J[2] = px * ny - py * nx
-        J[3], J[4], J[5] = nx, ny, nz
-        for r in range(6):
-            wr = w * J[r]
-            g[r] += wr * d
-            for c in range(6):
-                H[r, c] += wr * J[c]
+        has_weight = add_row(
+            (px, py, pz),
+            (fixed[k, 0], fixed[k, 1], fixed[k, 2]),
+            (normals[k, 0], normals[k, 1], normals[k, 2]),
+            cutoff,
+            J,
+            H,
+            g,
+        )
+        any_weight = any_weight or has_weight
     return any_weight
 
 

@@ -9,6 +9,40 @@ ROWS_PER_TASK = 512
 """Points that one task sums; fixed, so the total does not depend on the threads."""
 
 
+VECTOR = "UniTuple(float32, 3)"
+
+
+@njit(
+    f"boolean({VECTOR}, {VECTOR}, {VECTOR}, float32, float64[::1], float64[:, ::1], float64[::1])",
+    cache=True,
+    error_model="numpy",
+    inline="always",
+)
+def add_row(point, nearest, normal, cutoff, J, H, g):
+    """Add the equation of one point to H (6, 6) and g (6,); `J` (6,) is scratch.
+
+    Returns
+    -------
+    Whether it has a weight.
+    """
+    px, py, pz = point
+    nx, ny, nz = normal
+    d = (nearest[0] - px) * nx + (nearest[1] - py) * ny + (nearest[2] - pz) * nz
+    u = (d / cutoff) ** 2
+    if u < 1.0:
+        w = (1.0 - u) * (1.0 - u)
+        J[0] = py * nz - pz * ny
+        J[1] = pz * nx - px * nz
+        J[2] = px * ny - py * nx
+        J[3], J[4], J[5] = nx, ny, nz
+        for r in range(6):
+            wr = w * J[r]
+            g[r] += wr * d
+            for c in range(6):
+                H[r, c] += wr * J[c]
+    return u < 1.0
+
+
 @njit(
     "Tuple((float64[:, :, ::1], float64[:, ::1]))"
     "(float32[:, ::1], float32[:, ::1], float32[:, ::1], boolean[::1], float32)",
@@ -44,20 +78,13 @@ def plane_equations(points, nearest, normals, valid, cutoff):
         for i in range(task * ROWS_PER_TASK, min(n, (task + 1) * ROWS_PER_TASK)):
             if not valid[i]:
                 continue
-            px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-            nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-            d = (nearest[i, 0] - px) * nx + (nearest[i, 1] - py) * ny + (nearest[i, 2] - pz) * nz
-            u = (d / cutoff) ** 2
-            if u >= 1.0:
-                continue
-            w = (1.0 - u) * (1.0 - u)
-            J[0] = py * nz - pz * ny
-            J[1] = pz * nx - px * nz
-            J[2] = px * ny - py * nx
-            J[3], J[4], J[5] = nx, ny, nz
-            for r in range(6):
-                wr = w * J[r]
-                g[task, r] += wr * d
-                for c in range(6):
-                    H[task, r, c] += wr * J[c]
+            add_row(
+                (points[i, 0], points[i, 1], points[i, 2]),
+                (nearest[i, 0], nearest[i, 1], nearest[i, 2]),
+                (normals[i, 0], normals[i, 1], normals[i, 2]),
+                cutoff,
+                J,
+                H[task],
+                g[task],
+            )
     return H, g

@@ -128,13 +128,13 @@ class TargetPlanes:
         self._fit(np.flatnonzero(~self._is_fitted))  # together, all take as long as some of them
         ends = np.array(poses, np.float64, order="C")
         outward = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
-        rounds = schedule(self.cutoff)
+        cutoffs, tolerances = zip(*schedule(self.cutoff), strict=True)
         descend_on_planes(
             ends,
             (sample.points, outward),
             (self.cells.points, self._normals, self.cells.reach),
             self.cells.arrays,
-            (*map(np.array, zip(*rounds, strict=True)), max_steps),
+            (np.array(cutoffs, np.float32), np.array(tolerances), max_steps),
             allowed,
         )
         return ends
