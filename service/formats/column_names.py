@@ -48,6 +48,12 @@ _UNIT = re.compile(
     r"(?:mm|cm|km|m|ft|in|feet|foot|inch|(?:milli|centi|kilo)?met(?:er|re)s?|usft"
     r"|us survey f(?:ee|oo)t)$"
 )
+_DECLARED = re.compile(
+    r"(?<=\w)(?<!normals)\s*:\s*(?:\d{1,2}(?:\.\d{1,2})?|[fiu][1248]|[FEDGI]\d{1,2}(?:\.\d{1,2})?"
+    r"|float(?:32|64)?|double|real|u?int(?:8|16|32|64)?|u?char|u?short|number|decimal)(?=[\"'`]?\s*$)",
+    re.IGNORECASE,
+)
+"""Digits or type of a column behind its name: X:3, x:f4, y:F8.3, z:double."""
 _BESIDE_DEGREES = {"", "x", "y", "z", "deg", "degree", "degrees", "wgs84", "gps", "dd"}
 _NORMALS = (
     ("nx", "ny", "nz"),
@@ -99,7 +105,7 @@ def find_further(names: Sequence[str], xyz: Sequence[int]) -> list[str]:
 
 def _find_likely(names: Sequence[str]) -> tuple[int, ...] | None:
     """Find three columns with names of coordinates other than x, y and z."""
-    bare = [_normalize(name) for name in names]
+    bare = [normalize_name(name) for name in names]
     return (
         _find_triple(names, _OTHER_XYZ)
         or _find_numbered_axes(bare)
@@ -133,14 +139,14 @@ def find_vectors(names: Sequence[str]) -> list[tuple[int, ...]]:
 
 def are_geographic(names: Sequence[str]) -> bool:
     """Whether there are columns of latitude and longitude."""
-    words = [{*_WORD.split(_normalize(name))} - _BESIDE_DEGREES for name in names]
+    words = [{*_WORD.split(normalize_name(name))} - _BESIDE_DEGREES for name in names]
     return all(any(item and item <= known for item in words) for known in (LATITUDES, LONGITUDES))
 
 
 def are_column_names(names: Sequence[str]) -> bool:
     """Whether words of a comment are likely names of columns, and no prose."""
     known = COMMON | LATITUDES | LONGITUDES
-    count = sum(_normalize(name) in known for name in names)
+    count = sum(normalize_name(name) in known for name in names)
     is_upper_case = bool(names) and all(
         name == name.upper() and name[:1].isalpha() for name in names
     )
@@ -152,7 +158,7 @@ def _find_triple(
 ) -> tuple[int, ...] | None:
     if len(names) < 3:
         return None
-    bare = [_normalize(name) for name in names]
+    bare = [normalize_name(name) for name in names]
     known = set(bare)
     for triple in triples:
         if known.issuperset(triple) and all(bare.count(part) == 1 for part in triple):
@@ -200,7 +206,7 @@ def _find_axes(names: Sequence[str], bare: Sequence[str]) -> tuple[int, ...] | N
     axes: dict[str, list[tuple[int, str]]] = {"x": [], "y": [], "z": []}
     plane, height = _long_words(SURVEY[0] | SURVEY[1]), _long_words(SURVEY[2])
     for place, name in enumerate(names):
-        words = _WORD.split(_normalize(_BRACKETED_AXIS.sub(r"_\1", name)))
+        words = _WORD.split(normalize_name(_BRACKETED_AXIS.sub(r"_\1", name)))
         letters = [word for word in words if word in axes]
         if len(letters) != 1:
             continue
@@ -221,13 +227,14 @@ def _find_axes(names: Sequence[str], bare: Sequence[str]) -> tuple[int, ...] | N
 def are_other_quantities(names: Sequence[str]) -> bool:
     """Whether most of the names are known, and are no coordinates along axes."""
     known = {name for name in COMMON if len(name) > 1} - SURVEY[2] | POLAR
-    return 2 * sum(_normalize(name) in known for name in names) > len(names)
+    return 2 * sum(normalize_name(name) in known for name in names) > len(names)
 
 
-def _normalize(name: str) -> str:
-    """Convert to lower case, without quotes and without a unit; PosX becomes pos_x."""
+def normalize_name(name: str) -> str:
+    """Convert to lower case, without quotes, a unit or a type; PosX becomes pos_x."""
     if len(name) > _MAX_NAME_CHARACTERS:
         return name.lower()
+    name = _DECLARED.sub("", name)
     bare = unicodedata.normalize("NFC", name).strip().strip("\"'`")
     bare = _LAST_CAPITAL.sub("_", bare).lower()
     if bare.endswith(("]", ")", "}", ">")):

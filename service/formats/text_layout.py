@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from service.formats.column_names import find_further, find_normals
 from service.formats.numerals import is_number, is_value
+from service.formats.survey_axes import with_east_first
 from service.formats.text_header import (
     DELIMITERS,
     Header,
@@ -51,14 +52,15 @@ def named_layout(header: Header, row: str, index: int) -> TextLayout | None:
             if names.xyz is None or not _fit(names.items, fields, is_open=header.is_open):
                 continue
             if all(is_value(fields[i]) for i in names.xyz):
+                xyz, warnings = with_east_first(names.items, names.xyz, fields)
                 return TextLayout(
                     index,
                     delimiter,
-                    names.xyz,
+                    xyz,
                     find_normals(names.items),
                     _others(names, fields),
                     is_open=header.is_open,
-                    warnings=_warn_of_further(names),
+                    warnings=_warn_of_further(names) + warnings,
                 )
     return None
 
@@ -80,13 +82,14 @@ def shifted_layout(
         if names.xyz is None or len(names.items) + 1 != len(fields) or header.is_open:
             continue
         normals = find_normals(names.items)
+        xyz, warnings = with_east_first(names.items, names.xyz, fields[1:])
         return TextLayout(
             index,
             delimiter,
-            tuple(place + 1 for place in names.xyz),
+            tuple(place + 1 for place in xyz),
             normals and tuple(place + 1 for place in normals),
             {name: place + 1 for name, place in _others(names, fields[1:]).items()},
-            warnings=("column 1 has no name and is taken for names of the rows",),
+            warnings=("column 1 has no name and is taken for names of the rows", *warnings),
         )
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from service.formats.column_names import are_geographic, find_xyz
+from service.formats.column_names import are_geographic, find_normals, find_xyz
 
 PATTERNS = (
     *("{a}", "{A}", " {A} [m]", "{a}(mm)", "{a}/m", "{a} in mm", "{a}_(m)", "{a} {{m}}", "{a}<m>"),
@@ -12,6 +12,7 @@ PATTERNS = (
     *("Pos{A}", "Point{A}", "coord{A}", "Position {A}", "{A}_Coordinate", "{a}val", "p_{a}"),
     *("p[{a}]", "Position[{A}] (m)", "pointcloud.{a}", "/scan/{a}", "Center {A}", "{a}_ecef"),
     *("{A}-Wert", "Koordinate {A}", "{a}_lidar", "Measured {A}", "coords{A}"),
+    *("{A}:3", "{A}:10.3", "{a}:f4", "{a}:F8.3", "{a}:double", '"{A}: 3"'),
 )
 
 
@@ -36,6 +37,12 @@ def test_names_of_axes(pattern: str) -> None:
 )
 def test_names_of_other_systems(names: tuple[str, ...]) -> None:
     assert find_xyz(["i", *names]) == (1, 2, 3)
+
+
+def test_parts_of_normals_have_no_digits() -> None:
+    names = ["Points:0", "Points:1", "Points:2", "Normals:0", "Normals:1", "Normals:2"]
+    assert find_xyz(names) == (0, 1, 2)
+    assert find_normals(names) == (3, 4, 5)
 
 
 def test_directions_decide_over_the_letters() -> None:
