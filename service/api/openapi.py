@@ -11,14 +11,19 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from service.clouds.inputs import CLOUD_ROLES
-from service.schemas import Problem, RegistrationParameters, RegistrationRequest
+from service.schemas import AnnouncedFile, Problem, RegistrationParameters, RegistrationRequest
 
 DESCRIPTION = """Rigid registration of 3-D point clouds from any starting pose.
 
 Lengths are in the unit of the input, whatever it is; angles in degrees; times in seconds.
 Every error is a problem document (RFC 9457)."""
 REFERENCE = "#/components/schemas/{model}"
-BODY_MODELS: tuple[type[BaseModel], ...] = (RegistrationRequest, RegistrationParameters, Problem)
+BODY_MODELS: tuple[type[BaseModel], ...] = (
+    RegistrationRequest,
+    RegistrationParameters,
+    AnnouncedFile,
+    Problem,
+)
 
 
 def add_description(app: FastAPI) -> None:

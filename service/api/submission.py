@@ -13,12 +13,13 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.body import FormFields, read_multipart, read_text
 from service.api.error_handlers import invalid_request
+from service.api.json_body import JSON_TYPE, content_type, parse_json
 from service.clouds.inputs import CLOUD_ROLES, CloudInput
 from service.clouds.store import detect_format
 from service.jobs.fingerprint import hash_json, hash_work
 from service.jobs.model import JobRow
 from service.outbound import FetchPolicy, check_callback, check_source
-from service.problems import InvalidRequestError, MalformedBodyError, UnsupportedContentTypeError
+from service.problems import InvalidRequestError, UnsupportedContentTypeError
 from service.runtime import Runtime
 from service.schemas import CloudReference, Reading, RegistrationParameters, RegistrationRequest
 from service.storage.blobs import Blob
@@ -72,15 +73,15 @@ async def read_submission(request: Request, runtime: Runtime, tenant: str) -> Su
     InvalidRequestError, UnknownFormatError, UnknownCloudError, AddressRefusedError
         The body asks for something impossible or forbidden.
     """
-    content_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if content_type == "multipart/form-data":
+    kind = content_type(request)
+    if kind == "multipart/form-data":
         submission = await read_multipart(
             request,
             runtime.blobs,
             runtime.settings.max_body_bytes,
             lambda form: _parse_form(form, runtime, tenant),
         )
-    elif content_type == "application/json":
+    elif kind == JSON_TYPE:
         text = await read_text(request)
         submission = await run_in_threadpool(_parse_json, text, runtime, tenant)
     else:
@@ -95,12 +96,7 @@ async def read_submission(request: Request, runtime: Runtime, tenant: str) -> Su
 
 
 def _parse_json(body: bytes, runtime: Runtime, tenant: str) -> Submission:
-    try:
-        wanted = RegistrationRequest.model_validate_json(body)
-    except ValidationError as error:
-        if error.errors()[0]["type"] == "json_invalid":
-            raise MalformedBodyError("The body is not JSON.") from None
-        raise invalid_request(error) from None
+    wanted = parse_json(body, RegistrationRequest)
     clouds = {
         role: _with_read_options(
             _resolve_reference(getattr(wanted, role), runtime, tenant),

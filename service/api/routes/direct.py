@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from datetime import UTC, datetime
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.admission import reserve_bytes, reserve_disk
 from service.api.dependencies import CurrentCaller, CurrentRuntime
+from service.api.json_body import JSON_TYPE, read_json
 from service.api.routes.clouds import CloudId
 from service.api.threads import OwnThreads
 from service.clouds.direct_uploads import URL_LIFETIME_S, require_direct
@@ -20,6 +22,18 @@ from service.storage.blobs import Blob
 router = APIRouter(prefix="/v1/clouds", tags=["clouds"])
 
 _READING = OwnThreads(2)
+_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            JSON_TYPE: {"schema": {"$ref": f"#/components/schemas/{AnnouncedFile.__name__}"}}
+        },
+    }
+}
+
+
+async def _announced(request: Request, _caller: CurrentCaller) -> AnnouncedFile:
+    return await read_json(request, AnnouncedFile)
 
 
 @router.post(
@@ -27,9 +41,13 @@ _READING = OwnThreads(2)
     operation_id="createDirectUpload",
     summary="Begin an upload that goes to the store directly",
     status_code=201,
+    openapi_extra=_BODY,
 )
 def create(
-    file: AnnouncedFile, runtime: CurrentRuntime, caller: CurrentCaller, response: Response
+    file: Annotated[AnnouncedFile, Depends(_announced)],
+    runtime: CurrentRuntime,
+    caller: CurrentCaller,
+    response: Response,
 ) -> DirectUpload:
     """Return the URL to PUT the file to; then POST to the Location that the response names."""
     direct, max_bytes = require_direct(runtime.direct_uploads), runtime.settings.max_body_bytes

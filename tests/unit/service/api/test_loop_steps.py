@@ -22,7 +22,7 @@ from tests.factories.hostile_files import HUGE
 from tests.factories.jobs import new_job
 
 MAX_STEP_S = 0.05
-"""Processor time of one step; the longest of these takes 7.1 ms."""
+"""Processor time of one step; the longest of these takes 13 ms."""
 JSON_TYPE = {"Content-Type": "application/json"}
 JOBS = "/v1/registrations"
 DIGITS = b"1\n1\n" + b"11111111 11111111 11111111\n" * 4 + b"x" * 40
@@ -63,13 +63,14 @@ REQUESTS: dict[str, dict[str, Any]] = {
     "long JSON": _json(JOBS, json.dumps({"source": ["a"] * 2_000_000})),
     "deep JSON": _json(JOBS, "[" * 2_000_000),
     "wide JSON": _json(JOBS, json.dumps({f"f{i}": i for i in range(300_000)})),
+    "long announcement": _json("/v1/clouds/presign", json.dumps({"size": ["a"] * 4_000_000})),
     "long query": {"method": "GET", "url": JOBS + "?label=" + "a:b&label=" * 5000 + "a:b"},
 }
 
 
 @contextmanager
 def measured_steps() -> Iterator[list[float]]:
-    """Processor seconds of each step of the loop."""
+    """Processor seconds of each step of the loop; what is measured runs as a task of its own."""
     steps: list[float] = []
     run = asyncio.events.Handle._run  # type: ignore[attr-defined]
 
@@ -92,7 +93,7 @@ def test_no_request_holds_the_loop(tmp_path: Path) -> None:
             content = request.get("content", b"")
             sent = {**request, "content": _in_pieces(content)}
             with measured_steps() as steps:
-                answer = await client.request(**sent)
+                answer = await asyncio.create_task(client.request(**sent))
             assert answer.status_code < 500, (name, answer.text)
             assert max(steps) < MAX_STEP_S, (name, answer.status_code)
 
@@ -122,7 +123,7 @@ def test_no_long_answer_holds_the_loop(tmp_path: Path) -> None:
         for path in (f"{JOBS}?limit=200", job, f"{job}/inliers", "/openapi.json", "/metrics"):
             await client.get("/livez")
             with measured_steps() as steps:
-                answer = await client.get(path)
+                answer = await asyncio.create_task(client.get(path))
             assert answer.status_code == 200, path
             assert max(steps) < MAX_STEP_S, (path, max(steps), len(answer.content))
 
