@@ -116,6 +116,14 @@ class BodyTooLargeError(ServiceError):
     problem = ProblemType(413, "body-too-large", "The body is too large")
 
 
+class ConnectionClosedError(ServiceError):
+    """The caller closed the connection before the answer; nobody receives this."""
+
+    problem = ProblemType(
+        499, "client-closed-request", "The connection was closed before the answer"
+    )
+
+
 class UnknownRegistrationError(ServiceError):
     """No registration has this id, or it was removed."""
 

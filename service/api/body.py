@@ -17,7 +17,7 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import ClientDisconnect
 
 from service.api.threads import STORING
-from service.problems import BodyTooLargeError, MalformedBodyError
+from service.problems import BodyTooLargeError, ConnectionClosedError, MalformedBodyError
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 
 MAX_FORM_FIELDS = 16
@@ -43,7 +43,7 @@ async def iter_body(request: Request, max_bytes: int) -> AsyncIterator[bytes]:
     ------
     BodyTooLargeError
         Content-Length or the bytes received so far exceed `max_bytes`.
-    MalformedBodyError
+    ConnectionClosedError
         The connection is closed before the end of the body.
     """
     if int(request.headers.get("content-length", 0)) > max_bytes:
@@ -56,7 +56,9 @@ async def iter_body(request: Request, max_bytes: int) -> AsyncIterator[bytes]:
                 raise _too_large(max_bytes)
             yield chunk
     except ClientDisconnect:
-        raise MalformedBodyError("The connection was closed before the end of the body.") from None
+        raise ConnectionClosedError(
+            "The connection was closed before the end of the body."
+        ) from None
 
 
 def _too_large(max_bytes: int) -> BodyTooLargeError:

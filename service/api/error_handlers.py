@@ -7,13 +7,13 @@ from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from typing import Any
 
-from anyio import BrokenResourceError
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
+from service.api.disconnect import is_disconnect
 from service.api.middleware.security_headers import add_security_headers
 from service.api.route_methods import route_methods
 from service.problems import (
@@ -133,15 +133,8 @@ def _render_http_exception(request: Request, error: Exception) -> ProblemRespons
     return _respond(kind, status.description or status.phrase, headers)
 
 
-def _is_disconnect(error: Exception) -> bool:
-    """Return whether the error is only that the caller has left a stream of events."""
-    if not isinstance(error, ExceptionGroup):
-        return False
-    return error.split(BrokenResourceError)[1] is None
-
-
 def _render_unexpected(request: Request, error: Exception) -> ProblemResponse:
-    if not _is_disconnect(error):
+    if not is_disconnect(error):
         log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
     mark_logged(error)
     response = _respond(INTERNAL, "The service logged an unexpected error; retry the request.")

@@ -17,6 +17,7 @@ from service.jobs.transitions import MAX_LOST_ATTEMPTS
 from service.problems import (
     INTERNAL,
     TYPE_PREFIX,
+    ConnectionClosedError,
     ExpiredError,
     JobMemoryError,
     JobTimeoutError,
@@ -111,6 +112,8 @@ class Exporter:
             Too many exports are waiting, or the file leaves too little of the disk.
         NotReadyError
             The service is stopping, or can start no process.
+        ConnectionClosedError
+            The caller is gone.
         JobMemoryError
             The machine ran out of memory.
         ExportError, WorkerLostError
@@ -232,5 +235,5 @@ def _await_answer(child: Child, task: FileTask, timeout_s: float, disk: DiskSpac
         if message is not None:
             raise ChildLostError(f"it answered {message.kind!r} to another task")
         if abandoned is not None and abandoned.is_set():
-            raise NotReadyError("The connection was closed during the export.")
+            raise ConnectionClosedError("The connection was closed during the export.")
     raise JobTimeoutError(f"The export was ended after the allowed {timeout_s:g} s.")

@@ -10,7 +10,9 @@ from uuid import uuid4
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.api.disconnect import is_disconnect
 from service.auth.authenticator import Caller
+from service.problems import ConnectionClosedError
 from service.telemetry.json_logs import request_id
 from service.telemetry.metrics import Metrics
 
@@ -19,6 +21,10 @@ _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 KNOWN_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 OTHER_METHOD = "other"
 """Label of all methods that are not in KNOWN_METHODS."""
+FAILED = 500
+"""Status of a request whose application fails; what answers it is outside of this middleware."""
+NO_RESPONSE = ConnectionClosedError.problem.status
+"""Status of a request that ends without a response: its caller is gone, or the service stops."""
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +55,7 @@ class RequestLogMiddleware:
         given = Headers(scope=scope).get("x-request-id", "")
         current_id = given if _REQUEST_ID.fullmatch(given) else str(uuid4())
         token = request_id.set(current_id)
-        status, started = 500, time.perf_counter()
+        status, started = NO_RESPONSE, time.perf_counter()
 
         async def send_with_id(message: Message) -> None:
             nonlocal status
@@ -60,6 +66,10 @@ class RequestLogMiddleware:
 
         try:
             await self._app(scope, receive, send_with_id)
+        except Exception as error:
+            if status == NO_RESPONSE and not is_disconnect(error):
+                status = FAILED
+            raise
         finally:
             self._record(scope, status, time.perf_counter() - started)
             request_id.reset(token)

@@ -23,7 +23,7 @@ from service.api.threads import STORING
 from service.clouds.uploads import Upload
 from service.problems import (
     BodyTooLargeError,
-    MalformedBodyError,
+    ConnectionClosedError,
     TusVersionError,
     UnsupportedContentTypeError,
     UploadConflictError,
@@ -173,7 +173,7 @@ async def _write_body(
         async with limit:
             async for chunk in iter_body(request, max_bytes):
                 await STORING.run(partial(_append, file, chunk))
-    except MalformedBodyError:
+    except ConnectionClosedError:
         return  # the connection was lost: keep what has arrived
     except TimeoutError:
         raise UploadConflictError("A later request goes on with this upload.") from None

@@ -21,7 +21,7 @@ from service.api.body import (
     read_text,
     store_body,
 )
-from service.problems import BodyTooLargeError, MalformedBodyError
+from service.problems import BodyTooLargeError, ConnectionClosedError, MalformedBodyError
 from service.storage.blobs import Blob, BlobStore, BlobWriter
 from tests.factories.api import FORM_TYPE, form, part, request_of
 from tests.factories.threads import note_threads
@@ -141,7 +141,7 @@ def test_a_text_field_is_bounded_by_itself(tmp_path: Path) -> None:
 
 REFUSED: list[tuple[list[Any], type[Exception]]] = [
     ([part("source", bytes(LIMIT + 1), filename="a")], BodyTooLargeError),
-    ([part("source", b"x", filename="a"), None], MalformedBodyError),
+    ([part("source", b"x", filename="a"), None], ConnectionClosedError),
     ([part("source", b"x", filename="a")], MalformedBodyError),
 ]
 
@@ -174,8 +174,8 @@ def test_an_announced_length_is_refused_before_anything_is_read() -> None:
         asyncio.run(_collect([None], {"Content-Length": "6"}, 5))
 
 
-def test_a_cut_connection_is_a_malformed_body() -> None:
-    with pytest.raises(MalformedBodyError, match="closed"):
+def test_a_cut_connection_is_told_apart_from_a_malformed_body() -> None:
+    with pytest.raises(ConnectionClosedError, match="closed"):
         asyncio.run(_collect([b"1", None], {}, 5))
 
 

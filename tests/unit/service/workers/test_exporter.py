@@ -16,6 +16,7 @@ import pytest
 from service.formats.errors import CloudFileError
 from service.problems import (
     INTERNAL,
+    ConnectionClosedError,
     JobMemoryError,
     JobTimeoutError,
     NotReadyError,
@@ -173,7 +174,7 @@ def test_an_export_ends_when_its_caller_is_gone(
     token = module.is_abandoned.set(gone)
     with (
         exporter(tmp_path, monkeypatch) as (made, children),
-        pytest.raises(NotReadyError, match="connection was closed"),
+        pytest.raises(ConnectionClosedError, match="connection was closed"),
     ):
         export(made)
     module.is_abandoned.reset(token)
