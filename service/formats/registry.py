@@ -166,7 +166,7 @@ FORMATS = (
     Format(
         "obj",
         "Wavefront OBJ: the surface, or the vertices",
-        "faces, colours",
+        "faces, colours, normals of the vertices",
         (".obj",),
         mesh_text.sniff_obj,
         mesh_text.read_obj,

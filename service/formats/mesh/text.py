@@ -12,11 +12,8 @@ from service.formats.colors import RGB
 from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import MalformedFileError
 from service.formats.faces import LARGE_MESH_WARNING
-from service.formats.mesh.text_faces import (
-    has_colors,
-    read_obj_colors,
-    read_obj_faces,
-)
+from service.formats.mesh.obj_faces import read_faces, read_normals, warn_of_normals
+from service.formats.mesh.text_faces import has_colors, read_obj_colors
 from service.formats.numerals import significant_line
 from service.formats.text_block import TextBlock
 from service.formats.text_cleaner import Dialect, TableCleaner
@@ -39,7 +36,7 @@ def sniff_obj(head: bytes) -> bool:
 def read_obj(
     path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> DecodedCloud:
-    """Read the lines "v x y z ..." of an OBJ file; `attributes` adds the colours.
+    """Read the lines "v x y z ..." of an OBJ file; `attributes` adds colours and normals.
 
     Raises
     ------
@@ -51,18 +48,22 @@ def read_obj(
     if len(points) == 0:
         raise MalformedFileError("no line begins with 'v'; expected lines 'v x y z'")
     cloud = DecodedCloud(points, "obj", cleaner.warnings())
-    if attributes:
-        cloud = replace(cloud, attributes=read_obj_colors(path, len(points), limits))
-    if faces:
-        triangles, warnings = read_obj_faces(path, len(points), limits, warns_of_others=attributes)
-        cloud = replace(cloud, faces=triangles, warnings=cloud.warnings + warnings)
-    return cloud
+    if not faces and not attributes:
+        return cloud
+    found = read_faces(path, len(points), limits, warns_of_others=attributes)
+    warnings = cloud.warnings + (found.warnings if faces else ())
+    cloud = replace(cloud, faces=found.triangles if faces else None, warnings=warnings)
+    if not attributes:
+        return cloud
+    normals, lost = read_normals(path, len(points), found, limits)
+    kept = read_obj_colors(path, len(points), limits) | normals
+    return replace(cloud, attributes=kept, warnings=cloud.warnings + lost)
 
 
 def read_obj_pieces(
     path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> Iterator[DecodedCloud]:
-    """Read as `read_obj` does, in consecutive pieces; `faces` are not kept."""
+    """Read as `read_obj` does, in consecutive pieces; `faces` and normals are not kept."""
     columns = (1, 2, 3, 4, 5, 6) if attributes and has_colors(path) else (1, 2, 3)
     text = TextBlock(path, 0, path.stat().st_size, 1)
     cleaner = TableCleaner(_VERTICES, columns)
@@ -70,4 +71,5 @@ def read_obj_pieces(
         kept = dict(zip(RGB, table.T[3:], strict=False))
         yield DecodedCloud(table[:, :3], "obj", attributes=kept)
     warnings = cleaner.warnings() + ((LARGE_MESH_WARNING,) if faces else ())
+    warnings += warn_of_normals(path) if attributes else ()
     yield DecodedCloud(np.empty((0, 3)), "obj", warnings)

@@ -31,39 +31,11 @@ def read_obj_colors(path: Path, count: int, limits: ReadLimits) -> dict[str, NDA
     return dict(zip(RGB, table.T, strict=True)) if len(table) == count else {}
 
 
-def read_obj_faces(
-    path: Path, count: int, limits: ReadLimits, *, warns_of_others: bool
-) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
-    """Read the faces at the `count` vertices, with warnings of what is not kept."""
-    seen = 0
-    others: set[str] = set()
-    corners, sizes = array("q"), array("q")
-    faces: NDArray[np.int64] | None = None
-    warnings: tuple[str, ...] = ()
-    try:
-        for words in _lines(path):
-            if words[0] == "v":
-                seen += 1
-            elif words[0] == "f":
-                found = [int(word.split("/", 1)[0]) for word in words[1:]]
-                corners.extend(seen + item if item < 0 else item - 1 for item in found)
-                sizes.append(len(found))
-                check_face_count(count, len(sizes), limits)
-            elif words[0] in ("vn", "vt", "l", "p"):
-                others.add(words[0])
-        faces = _to_faces(corners, sizes, count)
-    except (ValueError, OverflowError) as error:
-        warnings = (f"the faces are not kept: {error}"[:200],)
-    if others and warns_of_others:
-        warnings += (f"lines of {', '.join(sorted(others))} are not kept",)
-    return faces, warnings
-
-
 def read_off_faces(
     path: Path, offset: int, vertices: int, count: int, limits: ReadLimits
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...]]:
     """Read the faces after the vertices, which begin at `offset`."""
-    rows = islice(_lines(path, offset), vertices, vertices + count)
+    rows = islice(iter_words(path, offset), vertices, vertices + count)
     corners, sizes = array("q"), array("q")
     try:
         check_face_count(vertices, count, limits)
@@ -73,18 +45,18 @@ def read_off_faces(
             sizes.append(size)
         if sum(sizes) != len(corners):
             return None, ("the faces are not kept: a face has fewer corners than it announces",)
-        return _to_faces(corners, sizes, vertices), ()
+        return to_faces(corners, sizes, vertices), ()
     except (ValueError, OverflowError) as error:
         return None, (f"the faces are not kept: {error}"[:200],)
 
 
-def _to_faces(corners: array[int], sizes: array[int], count: int) -> NDArray[np.int64] | None:
+def to_faces(corners: array[int], sizes: array[int], count: int) -> NDArray[np.int64] | None:
     """Return the triangles at `count` vertices; None without any."""
     triangles = triangulate(np.array(corners, np.int64), np.array(sizes, np.int64))
     return check_faces(triangles, count) if len(triangles) else None
 
 
-def _lines(path: Path, offset: int = 0) -> Iterator[list[str]]:
+def iter_words(path: Path, offset: int = 0) -> Iterator[list[str]]:
     """Yield the words of the lines that are neither blank nor comments."""
     with path.open("rb") as file:
         file.seek(offset)
@@ -96,4 +68,4 @@ def _lines(path: Path, offset: int = 0) -> Iterator[list[str]]:
 
 def has_colors(path: Path) -> bool:
     """Whether the first vertex has six numbers."""
-    return next((len(words) == 7 for words in _lines(path) if words[0] == "v"), False)
+    return next((len(words) == 7 for words in iter_words(path) if words[0] == "v"), False)

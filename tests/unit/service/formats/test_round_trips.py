@@ -63,7 +63,7 @@ def assert_kept_or_told(
     columns = table(found)
     for name, column in table(cloud).items():
         is_told = repr(name) in told or f"'_{name}'" in told
-        is_told |= is_normal(name) and ("'NORMAL'" in told or "lines of vn" in told)
+        is_told |= is_normal(name) and "'NORMAL'" in told
         assert holds(columns, column) or is_told, (name, told, list(columns))
 
 
