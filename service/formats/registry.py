@@ -138,7 +138,7 @@ FORMATS = (
     Format(
         "gltf",
         "glTF 2.0 with its data inside, compressed by Draco or not: the surface, or the vertices",
-        "faces, colours, of meshes other attributes of one number",
+        "faces, normals, colours, other attributes of one number",
         (".glb", ".gltf"),
         gltf.sniff,
         mesh.read_gltf,

@@ -21,6 +21,11 @@ from service.formats.faces import check_faces
 from service.formats.libraries import import_library
 from service.formats.mesh.gltf import check_gltf
 from service.formats.mesh.gltf_draco import without_draco
+from service.formats.mesh.gltf_parts import NORMAL, rewrite_parts
+
+_NORMALS = ("nx", "ny", "nz")
+_KNOWN = {"COLOR_0": RGB[0], "NORMAL": _NORMALS[0]}
+"""Names of glTF, and the first attribute that is made of each."""
 
 
 def read_gltf(
@@ -46,7 +51,8 @@ def read_gltf(
 
 def _warn_of_lost(names: list[str], kept: dict[str, NDArray[np.generic]]) -> tuple[str, ...]:
     """Name the attributes of the file that are not among those that are kept."""
-    found = {f"_{name}" for name in kept} | ({"COLOR_0"} if RGB[0] in kept else set())
+    found = {f"_{name}" for name in kept}
+    found |= {name for name, first in _KNOWN.items() if first in kept}
     lost = ", ".join(repr(name[:40]) for name in names if name not in found)
     return (f"attributes of the vertices that are not kept: {lost}"[:400],) if lost else ()
 
@@ -60,7 +66,7 @@ def _load(
     attributes: list[dict[str, NDArray[np.generic]]] = []
     try:
         scene: Any = trimesh.load_scene(
-            io.BytesIO(path.read_bytes()),
+            io.BytesIO(rewrite_parts(path.read_bytes())),
             file_type=kind,
             resolver={},  # knows no other file
             process=False,
@@ -71,7 +77,8 @@ def _load(
                 corners = np.asarray(part.faces, np.int64).reshape(-1, 3)
                 faces.append(corners + sum(map(len, vertices)))
             vertices.append(np.asarray(part.vertices, np.float64).reshape(-1, 3))
-            attributes.append(_part_attributes(part, len(vertices[-1])))
+            placement, _ = scene.graph[part.metadata["node"]]
+            attributes.append(_part_attributes(part, len(vertices[-1]), placement[:3, :3]))
     except MemoryError:
         raise
     except Exception as error:  # noqa: BLE001  trimesh raises nearly anything on damaged files
@@ -82,13 +89,33 @@ def _load(
     return np.concatenate(vertices), np.concatenate(faces), kept
 
 
-def _part_attributes(part: Any, count: int) -> dict[str, NDArray[np.generic]]:
-    """Return the colours and the attributes of one number for each vertex."""
+def _part_attributes(
+    part: Any, count: int, placement: NDArray[np.float64]
+) -> dict[str, NDArray[np.generic]]:
+    """Return the colours, the placed normals and the attributes of one number for each vertex."""
     found: dict[str, NDArray[np.generic]] = {}
     if part.visual.kind == "vertex" and len(part.visual.vertex_colors) == count:
         found |= dict(zip(RGB, np.asarray(part.visual.vertex_colors).T[:3], strict=True))
     for name, column in getattr(part, "vertex_attributes", {}).items():
         values = np.asarray(column)
-        if values.shape in ((count,), (count, 1)) and values.dtype.kind in "biuf":
+        if name == NORMAL and values.shape == (count, 3):
+            found |= dict(zip(_NORMALS, _place_normals(values, placement).T, strict=True))
+        elif values.shape in ((count,), (count, 1)) and values.dtype.kind in "biuf":
             found[str(name).removeprefix("_")] = values.reshape(-1)
     return found
+
+
+def _place_normals(
+    normals: NDArray[np.generic], placement: NDArray[np.float64]
+) -> NDArray[np.generic]:
+    """Turn normals (N, 3) as `placement` moves the surface; they get length 1, or stay zero."""
+    if normals.dtype.kind == "f" and np.array_equal(placement, np.eye(3)):
+        return normals
+    rows = placement / (np.linalg.norm(placement) or 1.0)
+    cofactors = np.stack([np.cross(rows[i - 2], rows[i - 1]) for i in range(3)])
+    placed = normals.astype(np.float64) @ cofactors.T * np.sign(np.linalg.det(rows))
+    sizes = np.linalg.norm(placed, axis=1, keepdims=True)
+    units: NDArray[np.float64] = np.divide(
+        placed, sizes, out=np.zeros_like(placed), where=sizes > 0
+    )
+    return units

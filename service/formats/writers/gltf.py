@@ -18,6 +18,8 @@ _FLOAT, _BYTE, _INDEX = 5126, 5121, 5125
 """Component types of glTF: float32, uint8, uint32."""
 _POINTS, _TRIANGLES = 0, 4
 """Modes of a primitive."""
+_UNIT_TOL = 1e-3
+"""Difference of a length from 1 that is rounding; files round to four digits."""
 _FORBIDDEN = re.compile(r"[^A-Za-z0-9_]")
 
 
@@ -82,6 +84,8 @@ def _unit_normals(cloud: Outgoing) -> NDArray[Any] | None:
         return None
     normals = np.nan_to_num(normals.astype(np.float64))
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not np.allclose(sizes[sizes > 0], 1, rtol=0, atol=_UNIT_TOL):
+        cloud.notes.append("the normals are scaled to length 1, as glTF demands")
     units: NDArray[Any] = np.divide(normals, sizes, out=np.zeros_like(normals), where=sizes > 0)
     return units.astype("<f4")
 
