@@ -51,7 +51,7 @@ def sniff(head: bytes) -> bool:
 def read(
     path: Path, limits: ReadLimits, *, attributes: bool = False, faces: bool = False
 ) -> DecodedCloud:
-    """Read the corners, equal ones merged; there are no `attributes`.
+    """Read the corners, equal ones merged; `attributes` warns of those that are not kept.
 
     Raises
     ------
@@ -67,6 +67,7 @@ def read(
     else:
         count = _count_triangles(path, limits)
         corners = _read_triangles(path, range(count))
+        warnings = _warn_of_colors(path, count) if attributes else ()
     if len(corners) == 0 or len(corners) % 3:
         where = f"lines begin with {keyword!r}" if keyword else "corners"
         raise MalformedFileError(f"{len(corners)} {where}; expected three for each triangle")
@@ -86,8 +87,10 @@ def read_pieces(
             yield DecodedCloud(corners, "stl")
         warnings = cleaner.warnings() + warnings
     else:
-        for triangles in iter_ranges(_count_triangles(path, limits), _TRIANGLE.itemsize):
+        count = _count_triangles(path, limits)
+        for triangles in iter_ranges(count, _TRIANGLE.itemsize):
             yield DecodedCloud(_read_triangles(path, triangles), "stl")
+        warnings += _warn_of_colors(path, count) if attributes else ()
     yield DecodedCloud(np.empty((0, 3)), "stl", warnings)
 
 
@@ -129,10 +132,28 @@ def _read_triangles(path: Path, rows: range) -> NDArray[np.float64]:
     """Return the corners (3 N, 3) of consecutive triangles."""
     if len(rows) == 0:
         return np.empty((0, 3))
+    return _map_triangles(path, rows)["corners"].astype(np.float64).reshape(-1, 3)
+
+
+def _map_triangles(path: Path, rows: range) -> NDArray[np.void]:
+    """Map consecutive triangles, of which there are some."""
     size = _TRIANGLE.itemsize
     content = map_file(path, _HEADER_BYTES + rows.start * size, len(rows) * size)
-    corners = np.frombuffer(content, _TRIANGLE)["corners"]
-    return corners.astype(np.float64).reshape(-1, 3)
+    return np.frombuffer(content, _TRIANGLE)
+
+
+def _warn_of_colors(path: Path, count: int) -> tuple[str, ...]:
+    """Name the colours and other numbers behind the triangles, which are not kept."""
+    with path.open("rb") as file:
+        header = file.read(_HEADER_BYTES)
+    found = 0
+    for rows in iter_ranges(count, _TRIANGLE.itemsize):
+        found += int(np.count_nonzero(_map_triangles(path, rows)["attribute"]))
+    if b"COLOR=" in header:
+        return ("the colours of the mesh and its triangles (Materialise) are not kept",)
+    if not found:
+        return ()
+    return (f"the colours (VisCAM) or other numbers of {found} triangles are not kept",)
 
 
 def _merge_equal(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -54,7 +54,7 @@ def read(
         table, warnings = rows.read(limits), rows.warnings(limits)
     cloud = _to_cloud(table, vertex, wanted, attributes=attributes)
     if attributes:
-        warnings += _warn_of_kinds(vertex)
+        warnings += _warn_of_lost(header, vertex)
     if not faces:
         return replace(cloud, warnings=warnings)
     triangles, more = read_faces(path, header, limits, warns_of_others=attributes)
@@ -87,7 +87,7 @@ def read_pieces(
         others = [element.name[:40] for element in header.elements if element.name != "vertex"]
         has_faces = any(element.name == "face" and element.count for element in header.elements)
         lost = f"elements that are not kept, because the file is large: {', '.join(others[:9])}"
-        warnings += (*_warn_of_kinds(vertex), *((lost,) if others else ()))
+        warnings += (*_warn_of_lost(header, vertex), *((lost,) if others else ()))
         warnings += (LARGE_MESH_WARNING,) if has_faces else ()
     yield DecodedCloud(np.empty((0, 3)), "ply", warnings)
 
@@ -117,10 +117,12 @@ def _to_cloud(
     return DecodedCloud(points, "ply", (), normals, attributes=kept)
 
 
-def _warn_of_kinds(vertex: PlyElement) -> tuple[str, ...]:
-    """Warn of Gaussian splats, and of lists, which are not kept."""
+def _warn_of_lost(header: PlyHeader, vertex: PlyElement) -> tuple[str, ...]:
+    """Warn of Gaussian splats, and of lists and coordinate systems, which are not kept."""
     names = {item.name for item in vertex.properties}
-    warnings = (SPLAT_WARNING,) if {"f_dc_0", "rot_0"} <= names else ()
+    warnings: tuple[str, ...] = (SPLAT_WARNING,) if {"f_dc_0", "rot_0"} <= names else ()
+    if header.crs:
+        warnings += (f"the coordinate system in the header is not kept: {header.crs!r}",)
     lists = ", ".join(repr(item.name[:40]) for item in vertex.properties if item.count_type)
     return (*warnings, f"lists of the vertices are not kept: {lists}") if lists else warnings
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -19,6 +20,13 @@ _TYPES = {
     "int64": "i8", "uint64": "u8", "bool": "u1",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
+_CRS = re.compile(
+    r"\bEPSG\b|\bcrs\b|\bsrs\b|(?:PROJ|GEOG|GEOC|COMPD|LOCAL_|PROJCRS|GEOGCRS)[A-Z]*\[|\+proj=",
+    re.IGNORECASE,
+)
+"""What a comment that names a coordinate system has in it."""
+_MAX_CRS = 100
+"""Characters of such a comment in a warning."""
 _KEYWORDS = ("ply", "format", "element", "property", "end_header")
 _ORDERS: dict[str, Order] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -70,6 +78,8 @@ class PlyHeader:
     """Bytes of the header."""
     lines: int
     """Lines of the header."""
+    crs: str = ""
+    """Comment that names a coordinate system, if there is one."""
 
 
 def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
@@ -82,6 +92,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
     """
     order: Order | None = None
     elements: list[PlyElement] = []
+    crs = ""
     offset, line_end = 0, find_line_end(head)
     for number in range(1, limits.max_header_lines + 1):
         end = head.find(line_end, offset)
@@ -103,7 +114,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
                         raise MalformedFileError(
                             f"element {element.name[:40]!r} has rows but no properties"
                         )
-                return PlyHeader(order, _with_usual_names(elements), offset, number)
+                return PlyHeader(order, _with_usual_names(elements), offset, number, crs)
             case ["format", name, "1.0"] if name.lower() in _ORDERS and order is None:
                 order = _ORDERS[name.lower()]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
@@ -111,7 +122,7 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
             case ["property", *rest] if elements:
                 _add_property(elements[-1], rest, number, limits)
             case [] | ["comment" | "obj_info", *_]:
-                pass
+                crs = crs or _find_crs(" ".join(words[1:]))
             case [word, *_] if word not in _KEYWORDS and number > 1:
                 pass  # a comment without its keyword
             case _:
@@ -119,6 +130,11 @@ def parse_header(head: bytes, limits: ReadLimits) -> PlyHeader:
                     f"line {number}: {' '.join(words)[:60]!r} is not a valid line of a PLY header"
                 )
     raise FileLimitError(f"no line 'end_header' in the first {limits.max_header_lines} lines")
+
+
+def _find_crs(comment: str) -> str:
+    """Return a comment that names a coordinate system; nothing for others."""
+    return comment[:_MAX_CRS] if _CRS.search(comment) else ""
 
 
 def _with_usual_names(elements: list[PlyElement]) -> list[PlyElement]:

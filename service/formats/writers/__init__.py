@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from service.formats.crs import describe_crs
 from service.formats.decoded_cloud import DecodedCloud
 from service.formats.errors import UnsupportedFileError
 from service.formats.writers import e57, gltf, las, mesh
@@ -34,6 +35,15 @@ class Writer:
     open: Callable[[Path, Outgoing, int], AbstractContextManager[Append]] | None = None
     """Begins a file that is written in pieces, by a model and the number of points; None: the
     format is written whole."""
+    holds_crs: bool = False
+    """Whether the coordinate system is written."""
+
+    def notes(self, cloud: Outgoing) -> list[str]:
+        """Return what was changed or left out of a cloud that is written."""
+        if self.holds_crs or not cloud.crs:
+            return cloud.notes
+        name = describe_crs(cloud.crs) or "which has no name"
+        return [*cloud.notes, f"the coordinate system, {name}, is left out: write LAS or LAZ"]
 
 
 _LAS_KEPT = (
@@ -50,11 +60,13 @@ WRITERS: dict[str, Writer] = {
         partial(las.write, is_compressed=False),
         _LAS_KEPT,
         partial(las.open_pieces, is_compressed=False),
+        holds_crs=True,
     ),
     "laz": Writer(
         partial(las.write, is_compressed=True),
         _LAS_KEPT,
         partial(las.open_pieces, is_compressed=True),
+        holds_crs=True,
     ),
     "e57": Writer(
         e57.write,
@@ -97,7 +109,7 @@ def write_cloud(path: Path, format: str, cloud: DecodedCloud) -> tuple[str, ...]
     """
     outgoing = Outgoing.of(cloud)
     WRITERS[format].write(path, outgoing)
-    return tuple(outgoing.notes)
+    return tuple(WRITERS[format].notes(outgoing))
 
 
 def write_pieces(
@@ -138,7 +150,7 @@ def write_pieces(
         for piece in read():
             if len(piece.points):
                 append(Outgoing.of(ranges.extend(piece)), MODEL_ROWS)
-    notes = dict.fromkeys([*ranges.warnings, *model.notes])
+    notes = dict.fromkeys([*ranges.warnings, *WRITERS[format].notes(model)])
     if ranges.missing:
         notes[f"{ranges.missing} points have no finite coordinates"] = None
     return tuple(notes)

@@ -61,6 +61,25 @@ def test_normals_and_colours_of_an_off(tmp_path: Path) -> None:
     )
 
 
+def test_colours_of_an_stl_are_told(tmp_path: Path) -> None:
+    """VisCAM marks them in the two bytes behind each triangle, Materialise in the header too."""
+    plain = stl_binary()
+    colored = plain[:182] + struct.pack("<H", 0x8000 | 31) + plain[184:]
+    materialise = b"COLOR=\xff\0\0\xff,MATERIAL=".ljust(80) + colored[80:]
+    for content, words in (
+        (colored, "(VisCAM) or other numbers of 1"),
+        (materialise, "(Materialise)"),
+    ):
+        path = write_file(tmp_path, content)
+        (warning,) = read_points(path, attributes=True).warnings
+        assert words in warning
+        assert "not kept" in warning
+        *_, last = read_pieces(path, ReadLimits(max_points=16), attributes=True)
+        assert warning in last.warnings
+        assert read_points(path).warnings == ()
+    assert read_points(write_file(tmp_path, plain), attributes=True).warnings == ()
+
+
 STL = {
     "two solids": stl_ascii() + stl_ascii(),
     "CR LF and capitals": stl_ascii().upper().replace(b"\n", b"\r\n"),

@@ -51,3 +51,20 @@ def test_numbers_beyond_their_type_do_not_wrap(tmp_path: Path) -> None:
     kept = read_points(write_file(tmp_path, content), attributes=True).attributes
     assert kept["a"].tolist() == [300, 1]
     assert kept["b"].dtype == np.uint8
+
+
+@pytest.mark.parametrize(
+    ("comment", "is_told"),
+    [
+        ("epsg: 25832", True),
+        ('crs PROJCS["ETRS89 / UTM zone 32N"]', True),
+        ("+proj=utm +zone=32", True),
+        ("Created by Blender 4.2", False),
+    ],
+)
+def test_a_coordinate_system_in_a_comment_is_told(
+    tmp_path: Path, comment: str, *, is_told: bool
+) -> None:
+    content = ply(form="ascii").replace(b"element", f"comment {comment}\nelement".encode(), 1)
+    warnings = read_points(write_file(tmp_path, content), attributes=True).warnings
+    assert any(comment in text and "not kept" in text for text in warnings) == is_told

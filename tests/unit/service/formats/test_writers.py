@@ -220,6 +220,11 @@ def test_las_keeps_records_scale_format_and_time(tmp_path: Path) -> None:
     assert back.las is not None
     assert (back.las.records, back.crs) == (metadata.records, crs)
     assert read_crs(tmp_path / "a.laz") == crs
+    told = "the coordinate system, UTM 32N, is left out: write LAS or LAZ"
+    for format in WRITERS:
+        if format not in ("las", "laz", "stl"):
+            assert told in write_cloud(tmp_path / "other", format, cloud)
+    assert told in write_pieces(tmp_path / "other", "ply", lambda: iter([cloud]))
 
 
 def test_colors_of_16_bits_become_8_and_back(tmp_path: Path) -> None:
