@@ -17,6 +17,12 @@ STEPS = Path(__file__).parent / "migrations"
 log = logging.getLogger(__name__)
 
 
+def is_current(connection: Connection, *, steps: Path = STEPS) -> bool:
+    """Return whether the database has the schema of this release."""
+    head = ScriptDirectory.from_config(_configure(connection, steps)).get_current_head()
+    return _current_version(connection) == head
+
+
 def migrate(connection: Connection, *, to: str = "head", steps: Path = STEPS) -> None:
     """Migrate the database to a version, within the caller's transaction.
 
@@ -25,14 +31,19 @@ def migrate(connection: Connection, *, to: str = "head", steps: Path = STEPS) ->
     RuntimeError
         A later release has written it.
     """
-    config = Config(attributes={"connection": connection})
-    config.set_main_option("script_location", str(steps).replace("%", "%%"))
+    config = _configure(connection, steps)
     _adopt_schema_version(connection, config)
     found = _current_version(connection)
     _check_version(found, ScriptDirectory.from_config(config))
     command.upgrade(config, to)
     if found != (reached := _current_version(connection)):
         log.info("the job store was migrated from version %s to %s", found or "0", reached)
+
+
+def _configure(connection: Connection, steps: Path) -> Config:
+    config = Config(attributes={"connection": connection})
+    config.set_main_option("script_location", str(steps).replace("%", "%%"))
+    return config
 
 
 def _current_version(connection: Connection) -> str | None:

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, Engine, create_engine, func, make_url, select
 
 from service.database.clock import read_time
 from service.database.errors import translate_errors
-from service.database.migrate import migrate
+from service.database.migrate import is_current, migrate
 from service.database.postgres_listener import CHANNEL, PostgresListener
 from service.database.postgres_liveness import replace_lost_connections
 
@@ -36,8 +36,11 @@ class PostgresDatabase:
         # the driver begins no transactions here: those of `write` begin in _begin alone
         self._plain_engine = self._engine.execution_options(isolation_level="AUTOCOMMIT")
         try:
-            with self.write(exclusive=True) as connection:
-                migrate(connection)
+            with self.read() as connection:
+                must_migrate = not is_current(connection)
+            if must_migrate:  # others do not write meanwhile
+                with self.write(exclusive=True) as connection:
+                    migrate(connection)
         except BaseException:
             self.close()
             raise

@@ -15,7 +15,7 @@ from sqlalchemy import Connection, Engine, create_engine, event
 
 from service.database.clock import add_clock
 from service.database.errors import translate_errors
-from service.database.migrate import migrate
+from service.database.migrate import is_current, migrate
 
 POOL_SIZE = 32
 """Connections kept open, and as many again under load: more than the threads that use them."""
@@ -74,6 +74,10 @@ class SqliteDatabase:
         self._relaxed_engine.dispose()
 
     def _migrate(self) -> None:
+        # seldom needed, and to load the steps takes long: `mpe keys` must not hold up a service
+        with self.read() as connection:
+            if is_current(connection):
+                return
         with (
             translate_errors(),
             self._durable_engine.connect() as connection,

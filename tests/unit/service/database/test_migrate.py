@@ -26,7 +26,7 @@ from sqlalchemy import (
 )
 
 from service.database.engine import open_database
-from service.database.migrate import STEPS, migrate
+from service.database.migrate import STEPS, is_current, migrate
 from service.database.tables import metadata
 from service.jobs.queries import JobFilter, JobQueries
 from tests.factories.jobs import OUTCOME, claim, open_transitions
@@ -218,6 +218,7 @@ def test_a_step_that_makes_a_table_anew_keeps_what_refers_to_it(
     shutil.copytree(STEPS, steps)
     (steps / "versions" / "next.py").write_text(NEXT.format(head=head))
     monkeypatch.setattr(migrate, "__kwdefaults__", {"to": "head", "steps": steps})
+    monkeypatch.setattr(is_current, "__kwdefaults__", {"steps": steps})
     open_database(url).close()
     with engine.connect() as connection:
         after = contents(connection)

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import update
+import pytest
+from sqlalchemy import Connection, func, select, update
 
 from service.database.engine import Database
 from service.database.tables import jobs
+from service.jobs import retention
 from service.jobs.queries import JobQueries
 from service.jobs.retention import drop_expired, find_needed_blobs
 from service.jobs.transitions import JobTransitions
 from service.jobs.usage import ROW_BYTES, count_stored_bytes
 from tests.factories.jobs import CLOUD, OUTCOME, TENANT, add, claim
+
+COUNT = select(func.count()).select_from(jobs)
 
 
 def change_ended(database: Database, **values: Any) -> None:
@@ -42,6 +48,33 @@ def test_results_expire_before_jobs(
     assert queries.get(TENANT, done.id) is None
     assert queries.get(TENANT, waiting.id) == waiting
     assert find_needed_blobs(database) == {"ab"}
+
+
+def test_others_may_write_while_much_expires(
+    database: Database, transitions: JobTransitions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many rows there are, no transaction changes more than a few."""
+    monkeypatch.setattr(retention, "MAX_ROWS", 2)
+    for number in range(5):
+        add(transitions, labels={"number": str(number)})
+        transitions.cancel(claim(transitions).id)
+    kept = add(transitions)
+    change_ended(database, expires_at=time.time() - 1)
+    sizes: list[int] = []
+    write = database.write
+
+    @contextmanager
+    def counted(**kind: bool) -> Iterator[Connection]:
+        with write(**kind) as connection:
+            before = connection.scalar(COUNT)
+            yield connection
+            sizes.append(before - connection.scalar(COUNT))
+
+    monkeypatch.setattr(database, "write", counted)
+    drop_expired(database)
+    assert sizes == [2, 2, 1]
+    with database.read() as connection:
+        assert list(connection.scalars(select(jobs.c.id))) == [kept.id]
 
 
 def test_a_failed_job_needs_no_clouds(database: Database, transitions: JobTransitions) -> None:
