@@ -22,7 +22,9 @@ _GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
         "XML of another kind, which is not read: export it as PLY, PCD, LAS or E57",
     ),
     (
-        re.compile(rb"(?:\w{1,30}:[^\n]{0,200}\n){0,9} {0,9}- *(?:\[|x:)", re.IGNORECASE),
+        re.compile(
+            rb"(?: {0,9}\w{1,30}:[^\n]{0,200}\n){0,12} {0,9}-\s{0,20}(?:\[|x:|name:)", re.IGNORECASE
+        ),
         "YAML, which is not read: write one point a line, x y z",
     ),
     (

@@ -104,7 +104,7 @@ def _fit(names: Sequence[str], fields: Sequence[str], *, is_open: bool) -> bool:
 
 
 def _others(names: Names, fields: Sequence[str]) -> dict[str, int]:
-    bare = [name.strip().strip("\"'") for name in names.items]
+    bare = [name.strip().rstrip(",;").strip("\"'") for name in names.items]
     repeated = {name for name, count in Counter(bare).items() if count > 1}
     return {
         name: place

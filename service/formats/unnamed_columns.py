@@ -12,6 +12,9 @@ _COLORS = ("red", "green", "blue")
 _UNIT_TOL = 0.01
 """Distance from length 1 up to which three columns are a normal; files round to two digits."""
 
+_MAX_RETURNS = 7
+"""Number of returns up to which two columns behind an intensity count them, as las2txt writes."""
+
 
 def name_columns(
     table: NDArray[np.generic], numbers: Sequence[int], names: list[str] | None = None
@@ -72,4 +75,6 @@ def _triple_names(part: NDArray[np.generic]) -> tuple[str, str, str] | None:
         is_normal = len(np.unique(values)) > 2
         return _NORMALS if is_normal else None
     is_byte = (values == np.rint(values)) & (values >= 0) & (values <= 255)
+    if values[:, 1:].min() >= 1 and values[:, 1:].max() <= _MAX_RETURNS:
+        return None
     return _COLORS if is_byte.all() and values.max() > 1 and len(values) == len(part) else None

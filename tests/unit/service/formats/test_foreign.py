@@ -61,6 +61,8 @@ FOREIGN = {
     "GSI": b"*110001+0000000000000A1 81..10+00000000001500 82..10+00000000002500\n",
     "program": b"\x7fELF\x02" + bytes(90),
     "YAML": b"points:\n  - [1.5, 2, 3]\n  - [4, 5, 6]\n",
+    "YAML ": b'header:\n  seq: 1\n  frame_id: "map"\npoints:\n  -\n    x: 1.5\n    y: 2\n',
+    "YAML  ": b"header:\n  frame_id: map\nheight: 1\nfields:\n- name: x\n  offset: 0\n",
     "a name beside each number": b"x=1.5 y=2 z=3\nx=4 y=5 z=6\n",
     "numbers of a program": b"1.5f 2.0f 3.0f\n4.0f 5.0f 6.0f\n",
 }

@@ -22,6 +22,14 @@ def table(header: str, form: str) -> bytes:
 
 
 READ = {
+    "RiSCAN": (
+        "# RiSCAN PRO ASCII export\n# X[m], Y[m], Z[m], Range[m], Amplitude[dB]",
+        "{x},{y},{z},12.3,20.11",
+    ),
+    "Trimble": ("Point Number,N,E,Z,Description", '{i},{y},{x},{z},"MH, lid"'),
+    "Ansys": ("[Name]\nPlane 1\n\n[Data]\nX [ m ], Y [ m ], Z [ m ], p [ Pa ]", "{x}, {y}, {z}, 1"),
+    "STAR-CCM+": ('"Pressure (Pa)","X (m)","Y (m)","Z (m)"', "1.5,{x},{y},{z}"),
+    "OxTS": ("Time (s),Pos X (m),Pos Y (m),Pos Z (m)", "{i},{x},{y},{z}"),
     "Portuguese": ("Ponto;Leste;Norte;Altitude", "P{i};{x};{y};{z}"),
     "Dutch": ("Punt;X-coördinaat;Y-coördinaat;Hoogte", "{i};{x};{y};{z}"),
     "Norwegian": ("Punktnr;Nord;Øst;Høyde", "{i};{y};{x};{z}"),
@@ -240,3 +248,19 @@ def test_lists_at_the_end_of_rows_may_differ_in_length(tmp_path: Path) -> None:
     for content in (header + rows, rows):
         cloud = read_points(write_file(tmp_path, content))
         np.testing.assert_allclose(cloud.points, POINTS, rtol=0, atol=6e-4)
+
+
+def test_names_of_colmap_have_no_commas(tmp_path: Path) -> None:
+    content = table(
+        "# POINT3D_ID, X, Y, Z, R, G, B, TRACK[] as (IMAGE_ID)", "{i} {x} {y} {z} 1 2 3 9"
+    )
+    found = read_points(write_file(tmp_path, content), attributes=True)
+    assert list(found.attributes)[:4] == ["POINT3D_ID", "R", "G", "B"]
+
+
+def test_numbers_of_returns_are_no_colours(tmp_path: Path) -> None:
+    """As las2txt writes x, y, z, intensity, return, number of returns by default."""
+    returns = read_points(write_file(tmp_path, table("", "{x} {y} {z} {i} 1 3")), attributes=True)
+    assert list(returns.attributes) == ["column_4", "column_5", "column_6"]
+    red = read_points(write_file(tmp_path, table("", "{x} {y} {z} {i} 0 3")), attributes=True)
+    assert list(red.attributes) == ["red", "green", "blue"]
