@@ -91,7 +91,8 @@ COMMON = {
 """Names of columns that are no coordinates of their own."""
 POINT_NAMES = (
     *("points", "xyz", "pcd", "positions", "vertices", "coords", "coord", "coordinates", "pc"),
-    *("pos", "position", "point", "point_cloud", "pointcloud", "cloud", "data", "arr_0"),
+    *("pos", "position", "point", "point_cloud", "pointcloud", "cloud", "location"),
+    *("data", "arr_0"),
 )
 """Names of arrays of points, in order of preference."""
 NORMAL_NAMES = ("normal", "normals", "nxyz")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable
 
 from service.formats.column_names import find_xyz
@@ -35,8 +36,21 @@ def foreign_format(head: bytes) -> str | None:
     return foreign_beginning(head) or next((text for check, text in _CHECKS if check(head)), None)
 
 
+_KSPLAT_BYTES = 4096
+"""Header of .ksplat."""
+
+
 def _is_riegl(head: bytes) -> bool:
     return b"RieglLMS" in head[:64] or b"RIEGL" in head[:64]
+
+
+def _is_ksplat(head: bytes) -> bool:
+    """Whether version 0.1, and numbers of sections and splats that can be, as in .ksplat."""
+    if head[:4] != b"\0\1\0\0" or len(head) < _KSPLAT_BYTES:
+        return False
+    max_sections, sections, max_splats, splats, level = struct.unpack_from("<4IH", head, 4)
+    is_counted = 0 < sections <= max_sections < 10_000 and 0 < splats <= max_splats
+    return bool(is_counted and level < 3)
 
 
 def _is_esri_grid(head: bytes) -> bool:
@@ -167,6 +181,7 @@ def _is_matlab_text(head: bytes) -> bool:
 
 _CHECKS: tuple[tuple[Callable[[bytes], bool], str], ...] = (
     (_is_riegl, "a RIEGL scan, which is not read: export it as LAS or E57"),
+    (_is_ksplat, "splats of GaussianSplats3D (.ksplat), which are not read: export them as PLY"),
     (_is_esri_grid, "an ESRI ASCII grid, which is not read: convert it to lines of x y z"),
     (_is_arff, "ARFF of Weka, which is not read: save the table as CSV with a line of names"),
     (_is_grass_grid, "a GRASS ASCII grid, which is not read: convert it to lines of x y z"),

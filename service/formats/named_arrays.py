@@ -15,7 +15,7 @@ from service.formats.array_cloud import (
     with_attribute,
 )
 from service.formats.column_names import find_xyz
-from service.formats.column_words import POINT_NAMES
+from service.formats.column_words import NORMAL_NAMES, POINT_NAMES
 from service.formats.decoded_cloud import DecodedCloud
 from service.formats.errors import (
     MalformedFileError,
@@ -24,7 +24,6 @@ from service.formats.errors import (
 
 _MAX_ARRAYS = 64
 """Arrays beside the points that are kept."""
-_NORMALS = "normals"
 _MAX_LISTED = 20
 """Names that a message lists."""
 
@@ -38,7 +37,7 @@ def cloud_of_arrays(
     attributes: bool = False,
     column_names: list[str] | None = None,
 ) -> DecodedCloud:
-    """Make a cloud of the array called points, xyz, ..., or the only one, and of "normals".
+    """Make a cloud of the array called points, xyz, ..., or the only one, and of its normals.
 
     Parameters
     ----------
@@ -66,22 +65,24 @@ def cloud_of_arrays(
     array = arrays[name]()
     cloud = to_cloud(array, format)
     count = len(cloud.points)
-    normals = cloud.normals
-    if _NORMALS in arrays:
-        normals = to_cloud(arrays[_NORMALS](), format).points
+    others = _short_names(set(arrays) - {name}, name)
+    normals, normals_name = cloud.normals, _find_normals(others)
+    if normals_name is not None:
+        normals = to_cloud(arrays[normals_name](), format).points
     if normals is not None and len(normals) != count:
         raise MalformedFileError(
             f"there are {len(normals)} normals for {count} points; expected one for each"
         )
-    known = extra_fields(array) | dict.fromkeys(sorted(set(arrays) - {name, _NORMALS}))
+    others.pop(normals_name or "", None)
+    others |= {weights: weights} if weights is not None and weights in others else {}
+    known = extra_fields(array) | dict.fromkeys(sorted(others))
     if weights is not None and weights in arrays:
         known[weights] = _flat(arrays[weights]())
     kept = all_fields(array, count, column_names) if attributes else {}
-    used = {name, _NORMALS, weights}
-    others = sorted(set(arrays) - {name, _NORMALS}) if attributes else []
-    for other in others[:_MAX_ARRAYS]:
+    used = {name, normals_name, weights}
+    for other in sorted(others)[: _MAX_ARRAYS if attributes else 0]:
         try:
-            columns = array_columns(other, _flat(arrays[other]()), count)
+            columns = array_columns(others[other], _flat(arrays[other]()), count)
         except UnsupportedFileError:  # of pickled objects
             columns = {}
         kept |= columns
@@ -91,6 +92,19 @@ def cloud_of_arrays(
     warnings += (f"{ignored} arrays beside {name!r} are ignored",) if ignored else ()
     cloud = DecodedCloud(cloud.points, format, warnings, normals, attributes=kept)
     return cloud if weights is None else with_attribute(cloud, weights, known)
+
+
+def _short_names(names: set[str], points: str) -> dict[str, str]:
+    """Return other arrays with their names, without the folder of the points if they are in it."""
+    folder = points.removesuffix(_last_part(points))
+    short = {name: name.removeprefix(folder) for name in names}
+    return {name: name if bare in names else bare for name, bare in short.items()}
+
+
+def _find_normals(names: Mapping[str, str]) -> str | None:
+    """Return the array in the folder of the points that is called normals, Normal, ..."""
+    found = [name for name, bare in names.items() if bare.lower() in NORMAL_NAMES]
+    return found[0] if len(found) == 1 else None
 
 
 def find_axis_arrays(names: Iterable[str]) -> tuple[str, ...] | None:
@@ -129,6 +143,8 @@ def choose_array(names: Iterable[str], wanted: str | None = None) -> str:
     names = list(names)
     for name in (wanted,) if wanted is not None else POINT_NAMES:
         found = [item for item in names if _last_part(item) == _last_part(name)]
+        if not found and wanted is None:
+            found = [item for item in names if _last_part(item).lower() == name]
         if name in names or len(found) == 1:
             return name if name in names else found[0]
     if len(names) == 1 and wanted is None:

@@ -19,7 +19,7 @@ import numpy as np
 import pye57
 from numpy.typing import NDArray
 
-from tests.factories.cloud_files import POINTS, ply, text_rows
+from tests.factories.cloud_files import NORMALS, POINTS, ply, text_rows
 from tests.factories.vtk_files import legacy_mesh, xml_mesh
 
 Array = NDArray[np.float64]
@@ -132,19 +132,22 @@ def colored_off() -> bytes:
 def _gltf() -> tuple[dict[str, object], bytes]:
     """A document and its data: a node moves the mesh, whose vertices are moved back."""
     data = (POINTS - MOVE.astype(np.float32)).tobytes() + FACES.astype("<u4").tobytes()
+    data += NORMALS.astype("<f4").tobytes()
     document = {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": MOVE.tolist()}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 2}, "indices": 1}]}],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": 40, "type": "VEC3"},
             {"bufferView": 1, "componentType": 5125, "count": 114, "type": "SCALAR"},
+            {"bufferView": 2, "componentType": 5126, "count": 40, "type": "VEC3"},
         ],
         "bufferViews": [
             {"buffer": 0, "byteOffset": 0, "byteLength": 480},
             {"buffer": 0, "byteOffset": 480, "byteLength": 456},
+            {"buffer": 0, "byteOffset": 936, "byteLength": 480},
         ],
         "buffers": [{"byteLength": len(data)}],
     }

@@ -176,6 +176,11 @@ def _check_sizes(header: PlyHeader, size: int, vertex: PlyElement, limits: ReadL
 def _select_properties(vertex: PlyElement, *, attributes: bool) -> tuple[str, ...]:
     """Return the coordinates, the normal if there is one, and the others if requested."""
     scalars = [item.name for item in vertex.properties if not item.count_type]
+    if "packed_position" in scalars:
+        raise UnsupportedFileError(
+            "the vertices are Gaussian splats as SuperSplat packs them, which are not read: "
+            "export them as PLY without compression"
+        )
     for name in _XYZ:
         if name not in scalars:
             raise MalformedFileError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,7 @@ FOREIGN = {
     "G-code ": b"%\nO1000\nN10 G21\nN20 G0 X1.5 Y2 Z3\n",
     "universal file": b"    -1\n  2411\n         1         1\n",
     "GSI": b"*110001+0000000000000A1 81..10+00000000001500 82..10+00000000002500\n",
+    "ksplat": struct.pack("<4B4IH", 0, 1, 0, 0, 2, 1, 900, 900, 1).ljust(5000, b"\1"),
     "program": b"\x7fELF\x02" + bytes(90),
     "YAML": b"points:\n  - [1.5, 2, 3]\n  - [4, 5, 6]\n",
     "YAML ": b'header:\n  seq: 1\n  frame_id: "map"\npoints:\n  -\n    x: 1.5\n    y: 2\n',

@@ -89,6 +89,33 @@ def test_one_array_for_each_axis(tmp_path: Path, make: Callable[[Arrays], bytes]
         read(tmp_path, make(arrays | {"Z": POINTS[:9, 2]}))
 
 
+@pytest.mark.parametrize("make", [hdf5, matlab])
+def test_arrays_beside_the_points_in_their_folder(
+    tmp_path: Path, make: Callable[[Arrays], bytes]
+) -> None:
+    """As a structure with the names of MATLAB's pointCloud, and groups of HDF5."""
+    cloud = {"Location": POINTS, "Normal": NORMALS, "Color": POINTS, "Intensity": INTENSITY}
+    if make is hdf5:
+        content = hdf5({f"scan/{name}": array for name, array in cloud.items()} | {"pose": [1, 2]})
+    else:
+        content = matlab({"scan": cloud, "pose": [1, 2]})
+    found = read(tmp_path, content, attributes=True)
+    np.testing.assert_array_equal(found.points, POINTS)
+    np.testing.assert_array_equal(found.normals, NORMALS)
+    assert list(found.attributes) == ["red", "green", "blue", "Intensity"]
+    name = "scan/Intensity" if make is hdf5 else "scan.Intensity"
+    weighted = read(tmp_path, content, attributes=True, weights=name)
+    np.testing.assert_array_equal(weighted.weights, INTENSITY)
+    assert list(weighted.attributes) == ["red", "green", "blue", name]
+
+
+def test_normals_of_another_folder_are_attributes(tmp_path: Path) -> None:
+    content = hdf5({"a/points": POINTS, "b/normals": NORMALS})
+    found = read(tmp_path, content, attributes=True)
+    assert found.normals is None
+    assert next(iter(found.attributes)) == "b/normals:0"
+
+
 def test_an_array_is_named_with_its_folder(tmp_path: Path) -> None:
     content = hdf5({"a/scan": POINTS, "b/scan": POINTS + 1, "c/points": POINTS + 2})
     np.testing.assert_array_equal(read(tmp_path, content).points, POINTS + 2)

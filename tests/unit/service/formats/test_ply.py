@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.formats import TruncatedFileError, read_points
+from service.formats import TruncatedFileError, UnsupportedFileError, read_points
 from tests.factories.cloud_files import POINTS, ply
 from tests.factories.decoding import decode, decode_frugally, reason_of_refusal, write_file
 
@@ -68,3 +68,9 @@ def test_a_coordinate_system_in_a_comment_is_told(
     content = ply(form="ascii").replace(b"element", f"comment {comment}\nelement".encode(), 1)
     warnings = read_points(write_file(tmp_path, content), attributes=True).warnings
     assert any(comment in text and "not kept" in text for text in warnings) == is_told
+
+
+def test_packed_splats_are_named(tmp_path: Path) -> None:
+    content = ply().replace(b"float x", b"uint packed_position")
+    with pytest.raises(UnsupportedFileError, match="SuperSplat"):
+        read_points(write_file(tmp_path, content))
