@@ -20,6 +20,8 @@ _NAMES = (
     ("Points:0", "Points:1", "Points:2"),
     ("POINT_X", "POINT_Y", "POINT_Z"),
     ("pos_x", "pos_y", "pos_z"),
+    ("X:3", "Y:3", "Z:3"),
+    ("x:double", "y:double", "z:double"),
 )
 _OTHERS = ("id", "intensity", "time", "r", "class", "label", "ring", "gps_time")
 _MISSING = ("NA", "nan", "NaN", "", "-1.#IND", "1.#QNAN", "-nan(ind)", "null")
