@@ -1,9 +1,9 @@
 """Registration of files far larger than the memory allowed: time, memory and error.
 
 ``python -m benchmarks.large [POINTS [KIND ...]]``: files of POINTS points (1e9 by default, a PLY of
-12 GB) against a PLY of a tenth of that, moved, in 2 GiB; the moved source is written as PLY, and
-read again. Kinds: ply, las, laz, xyz, npy, vtk. The files lie in the folder of temporary files
-(TMPDIR), and are removed at the end.
+12 GB) against a PLY of a tenth of that, moved, in 2 GiB; the moved source is written as PLY, that
+of LAS and LAZ as such, and read again. Kinds: ply, las, laz, xyz, npy, vtk. The files lie in the
+folder of temporary files (TMPDIR), and are removed at the end.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def main() -> None:
         target = Path(folder) / "target.ply"
         write_ply(target, count // 10, seed=1, moved=True)
         for kind in kinds:
-            source, moved = Path(folder) / f"source.{kind}", Path(folder) / "moved.ply"
+            source = Path(folder) / f"source.{kind}"
+            moved = Path(folder) / f"moved.{kind if kind in ('las', 'laz') else 'ply'}"
             started = time.perf_counter()
             WRITERS[kind](source, count, seed=0)
             print(f"{kind}: {source.stat().st_size / 1e9:.2f} GB", end=", ")
