@@ -42,13 +42,13 @@ def scratch_folder(data_dir: Path, name: str) -> Iterator[Path]:
         try:
             yield folder
         finally:
-            shutil.rmtree(folder, ignore_errors=True)
+            _remove(folder)
 
 
 def count_bytes(folder: Path) -> int:
     """Return the length of all files in a folder and below it, whoever removes some meanwhile."""
     total = 0
-    for place, _, names in os.walk(folder):
+    for place, names in _walk(folder):
         for name in names:
             with suppress(OSError):
                 total += os.lstat(os.path.join(place, name)).st_size  # noqa: PTH118
@@ -60,7 +60,24 @@ def discard_scratch(data_dir: Path) -> None:
     with exclusive_lock(_registry_lock(data_dir)):
         for folder in _root(data_dir).iterdir():
             if is_unlocked(folder / LOCK_NAME):
-                shutil.rmtree(folder, ignore_errors=True)
+                _remove(folder)
+
+
+def _remove(folder: Path) -> None:
+    for _ in _walk(folder):
+        pass
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _walk(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield each folder below and its files; those that were made without rights are opened."""
+    for place, folders, files in os.walk(folder):
+        for name in folders:
+            path = Path(place, name)
+            with suppress(OSError):
+                if not path.is_symlink():
+                    path.chmod(0o700)
+        yield place, files
 
 
 def _root(data_dir: Path) -> Path:

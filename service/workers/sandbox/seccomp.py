@@ -13,7 +13,7 @@ import os
 import platform
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from service.workers.sandbox.system_calls import (
@@ -22,6 +22,7 @@ from service.workers.sandbox.system_calls import (
     ONLY_OWN_PROCESS,
     ONLY_THIS_PROCESS,
     SYSTEM_CALLS,
+    WITHOUT_OWNER,
 )
 
 
@@ -39,7 +40,7 @@ _X32_BIT = 0x40000000
 
 _LOAD, _RETURN = 0x20, 0x06
 _JUMP_IF_EQUAL, _JUMP_IF_AT_LEAST, _JUMP_IF_SET = 0x15, 0x35, 0x45
-_NUMBER, _ARCHITECTURE, _FIRST_ARGUMENT = 0, 4, 16
+_NUMBER, _ARCHITECTURE, _FIRST_ARGUMENT, _SECOND_ARGUMENT = 0, 4, 16, 24
 """Offsets in struct seccomp_data; of an argument its lower 32 bits."""
 _KILL, _ALLOW = 0x80000000, 0x7FFF0000
 _DENY, _UNKNOWN = 0x00050000 | errno.EACCES, 0x00050000 | errno.ENOSYS
@@ -119,6 +120,9 @@ def _filter(architecture: _Architecture, network: bool) -> Iterator[_Step]:
         yield from _on(number(name), *_if_argument(_JUMP_IF_EQUAL, [os.getpid()], _ALLOW, _DENY))
     for name in ONLY_THIS_PROCESS:
         yield from _on(number(name), *_if_argument(_JUMP_IF_EQUAL, [0], _ALLOW, _DENY))
+    for name, commands in WITHOUT_OWNER.items():
+        steps = _if_argument(_JUMP_IF_EQUAL, commands, _DENY, _ALLOW, which=_SECOND_ARGUMENT)
+        yield from _on(number(name), *steps)
     families = [_AF_INET, _AF_INET6, _AF_NETLINK]  # getaddrinfo asks netlink
     yield from _on(number("socket"), *_if_argument(_JUMP_IF_EQUAL, families, _ALLOW, _DENY))
     yield (_RETURN, 0, 0, _ALLOW)
@@ -131,9 +135,11 @@ def _on(number: int | None, *steps: _Step) -> Iterator[_Step]:
         yield from steps
 
 
-def _if_argument(test: int, values: list[int], then: int, otherwise: int) -> Iterator[_Step]:
-    """Yield steps that return `then` if the first argument passes the test with a value."""
-    yield (_LOAD, 0, 0, _FIRST_ARGUMENT)
+def _if_argument(
+    test: int, values: Sequence[int], then: int, otherwise: int, *, which: int = _FIRST_ARGUMENT
+) -> Iterator[_Step]:
+    """Yield steps that return `then` if an argument passes the test with a value."""
+    yield (_LOAD, 0, 0, which)
     for i, value in enumerate(values):
         yield (test, len(values) - i, 0, value)
     yield (_RETURN, 0, 0, otherwise)

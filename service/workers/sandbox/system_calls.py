@@ -99,6 +99,30 @@ SYSTEM_CALLS: dict[str, tuple[int, int | None]] = {
     "msgctl": (71, 187),
     "mq_open": (240, 180),
     "mq_unlink": (241, 181),
+    "chmod": (90, None),
+    "fchmod": (91, 52),
+    "fchmodat": (268, 53),
+    "fchmodat2": (452, 452),
+    "chown": (92, None),
+    "fchown": (93, 55),
+    "lchown": (94, None),
+    "fchownat": (260, 54),
+    "setxattr": (188, 5),
+    "lsetxattr": (189, 6),
+    "fsetxattr": (190, 7),
+    "setxattrat": (463, 463),
+    "removexattr": (197, 14),
+    "lremovexattr": (198, 15),
+    "fremovexattr": (199, 16),
+    "removexattrat": (466, 466),
+    "file_setattr": (469, 469),
+    "utime": (132, None),
+    "utimes": (235, None),
+    "futimesat": (261, None),
+    "utimensat": (280, 88),
+    "truncate": (76, 45),
+    "fcntl": (72, 25),
+    "ioctl": (16, 29),
 }
 """Numbers on x86-64 and ARM64 (arch/x86/entry/syscalls/syscall_64.tbl and
 include/uapi/asm-generic/unistd.h); None where the call does not exist."""
@@ -127,7 +151,17 @@ ONLY_THIS_PROCESS = (
 )
 """Allowed if the first argument is 0, the caller."""
 
-_FILTERED = {*NETWORK, *ONLY_OWN_PROCESS, *ONLY_THIS_PROCESS, "seccomp", "clone", "clone3", "prctl"}
+WITHOUT_OWNER: dict[str, tuple[int, ...]] = {
+    "fcntl": (8, 10, 15),  # F_SETOWN, F_SETSIG, F_SETOWN_EX
+    "ioctl": (0x8901, 0x8902),  # FIOSETOWN, SIOCSPGRP
+}
+"""Denied if the second argument is one of these: they name a process that gets a signal when a
+descriptor is ready."""
+
+_FILTERED = {
+    *(*NETWORK, *ONLY_OWN_PROCESS, *ONLY_THIS_PROCESS, *WITHOUT_OWNER),
+    *("seccomp", "clone", "clone3", "prctl"),
+}
 DENIED = tuple(name for name in SYSTEM_CALLS if name not in _FILTERED)
-"""Denied to every child: new programs and processes, other processes, and interfaces of the kernel
-that no reader of files needs."""
+"""Denied to every child: new programs and processes, other processes, owners, modes and times of
+files, which Landlock does not guard, and interfaces of the kernel that no reader of files needs."""

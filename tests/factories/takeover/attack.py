@@ -8,6 +8,7 @@ it was denied, and else what it reached.
 # ruff: noqa
 import ctypes
 import errno
+import fcntl
 import glob
 import os
 import re
@@ -101,6 +102,12 @@ attempt("exec")(lambda: os.execv("/bin/true", ["true"]))
 attempt("namespace")(lambda: must(libc.unshare(0x10000000)))
 attempt("mount")(lambda: must(libc.mount(b"none", b"/mnt", b"tmpfs", 0, None)))
 attempt("symbolic link")(link_out)
+attempt("mode of the store")(lambda: os.chmod(f"{DATA_DIR}/jobs.sqlite3", 0o600))
+attempt("mode of the data directory")(lambda: os.chmod(DATA_DIR, 0o700))
+attempt("owner of the store")(lambda: os.chown(f"{DATA_DIR}/jobs.sqlite3", -1, -1))
+attempt("age of a file")(lambda: os.utime(f"{DATA_DIR}/store.mark"))
+attempt("length of the store")(lambda: os.truncate(f"{DATA_DIR}/jobs.sqlite3", 0))
+attempt("signal of a descriptor to the forkserver")(lambda: fcntl.fcntl(0, 8, forkserver))
 attempt("bpf")(lambda: must(libc.syscall(321, 0, 0, 0)))
 attempt("io_uring")(lambda: must(libc.syscall(425, 1, 0)))
 attempt("keys of the kernel")(lambda: must(libc.syscall(250, 0, -3, 0)))

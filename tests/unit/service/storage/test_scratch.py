@@ -21,6 +21,20 @@ with scratch_folder(Path(sys.argv[1]), "held") as folder:
     sys.stdin.read()
 """
 
+LOCKS_ITS_FOLDER = """
+import ctypes, os, struct, sys
+from pathlib import Path
+from service.storage.scratch import count_bytes, scratch_folder
+
+header, none = struct.pack("Ii", 0x20080522, 0), bytes(24)
+assert ctypes.CDLL(None).capset(header, none) == 0  # root has no more rights than the owner
+with scratch_folder(Path(sys.argv[1]), "job-1") as folder:
+    (folder / "outer").mkdir(0o300)
+    (folder / "outer" / "inner").mkdir(0)
+    (folder / "outer" / "file").write_bytes(b"1234567")
+    print(count_bytes(folder))
+"""
+
 
 def folders(data_dir: Path) -> list[str]:
     return sorted(path.name for path in (data_dir / "scratch").iterdir())
@@ -30,6 +44,14 @@ def test_a_folder_is_removed_with_its_content_when_the_work_ends(tmp_path: Path)
     with scratch_folder(tmp_path, "job-1") as folder:
         (folder / "half").write_bytes(b"half")
         assert folders(tmp_path) == ["job-1"]
+    assert folders(tmp_path) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="rights of root are those of Linux")
+def test_a_folder_is_removed_with_what_its_user_has_locked(tmp_path: Path) -> None:
+    program = [sys.executable, "-c", LOCKS_ITS_FOLDER, str(tmp_path)]
+    done = subprocess.run(program, cwd=PROJECT, check=True, capture_output=True, text=True)
+    assert done.stdout == "7\n"
     assert folders(tmp_path) == []
 
 

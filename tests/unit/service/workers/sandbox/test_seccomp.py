@@ -14,12 +14,13 @@ from service.workers.sandbox.system_calls import (
     ONLY_OWN_PROCESS,
     ONLY_THIS_PROCESS,
     SYSTEM_CALLS,
+    WITHOUT_OWNER,
 )
 
 PROJECT = Path(__file__).parents[5]
 
 PREAMBLE = """
-import ctypes, os, signal, socket, subprocess, sys, threading
+import ctypes, fcntl, os, signal, socket, struct, subprocess, sys, threading
 import numpy as np
 from service.workers.sandbox.seccomp import filter_system_calls, has_seccomp
 
@@ -61,6 +62,21 @@ assert denied(os.unshare, os.CLONE_NEWUSER) if hasattr(os, "unshare") else True
 libc = ctypes.CDLL(None, use_errno=True)
 assert libc.prctl(1, 0, 0, 0, 0) == -1, "the signal at the parent's death"
 assert libc.ptrace(16, os.getppid(), 0, 0) == -1
+for call, *arguments in (
+    (os.chmod, ".", 0o755),
+    (os.chown, ".", -1, -1),
+    (os.utime, "."),
+    (os.setxattr, ".", "user.x", b""),
+    (os.truncate, os.devnull, 0),
+    (os.fchmod, 0, 0o600),
+):
+    assert denied(call, *arguments), call
+for command in (fcntl.F_SETOWN, 10, 15):
+    assert denied(fcntl.fcntl, kept, command, os.getppid())
+for command in (0x8901, 0x8902):
+    assert denied(fcntl.ioctl, kept, command, struct.pack("i", os.getppid()))
+os.set_blocking(kept.fileno(), False)
+os.set_inheritable(kept.fileno(), True)
 os.kill(os.getpid(), 0)
 thread = threading.Thread(target=lambda: None)
 thread.start()
@@ -89,7 +105,7 @@ def test_a_filtered_process_keeps_to_itself(program: str) -> None:
 
 
 def test_each_call_is_filtered_in_one_way() -> None:
-    ways = [*DENIED, *NETWORK, *ONLY_OWN_PROCESS, *ONLY_THIS_PROCESS]
+    ways = [*DENIED, *NETWORK, *ONLY_OWN_PROCESS, *ONLY_THIS_PROCESS, *WITHOUT_OWNER]
     assert len(set(ways)) == len(ways)
     assert set(ways) | {"seccomp", "clone", "clone3", "prctl"} == set(SYSTEM_CALLS)
 
