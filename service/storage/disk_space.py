@@ -14,6 +14,8 @@ to be written before more can be removed."""
 FULL_BYTES = FALLBACK_BYTES // 8
 """Free bytes below which the disk counts as full."""
 FALLBACK_NAME = "reserve"
+MIN_FREE_FILES = 1000
+"""Files that the file system can still hold, below which it counts as short."""
 
 
 class DiskSpace:
@@ -40,11 +42,18 @@ class DiskSpace:
 
     @property
     def is_short(self) -> bool:
-        """Whether less than the minimum is free."""
-        return self.free_bytes < self._min_free_bytes
+        """Whether less than the minimum is free, or few more files can be made."""
+        return self.free_bytes < self._min_free_bytes or self._is_short_of_files
+
+    @property
+    def _is_short_of_files(self) -> bool:
+        found = os.statvfs(self._data_dir)
+        return 0 < found.f_files and found.f_favail < MIN_FREE_FILES  # 0: it has no limit
 
     def reserve(self, size: int) -> bool:
         """Reserve bytes that are about to be written, until `release`; return False if too many."""
+        if self._is_short_of_files:
+            return False
         with self._lock:
             if self.free_bytes - self._reserved_bytes - size < self._min_free_bytes:
                 return False

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -44,6 +46,23 @@ def test_less_than_the_minimum_is_short(disk: Disk, tmp_path: Path) -> None:
     space = DiskSpace(tmp_path, MIN_FREE)
     assert space.is_short
     assert not space.reserve(0)
+
+
+@pytest.mark.parametrize(("all_files", "left", "is_short"), [(10**6, 999, True), (0, 0, False)])
+def test_a_disk_that_holds_few_more_files_is_short(
+    all_files: int,
+    left: int,
+    is_short: bool,
+    disk: Disk,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However many bytes are free; some file systems have no such limit."""
+    found = SimpleNamespace(f_files=all_files, f_favail=left)
+    monkeypatch.setattr(os, "statvfs", lambda path: found)
+    space = DiskSpace(tmp_path, MIN_FREE)
+    assert space.is_short == is_short
+    assert space.reserve(1) != is_short
 
 
 def test_the_fallback_file_is_given_up_when_the_disk_is_full_and_made_again(
