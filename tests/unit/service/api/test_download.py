@@ -23,6 +23,7 @@ from service.telemetry.metrics import Metrics
         ("lines=1-2", 200, b"0123456789"),
         ("bytes=x", 200, b"0123456789"),
         ("bytes=10-", 416, None),
+        ("bytes=0-0" + ",2-2" * 3000, 200, b"0123456789"),  # each would be a part of its own
     ],
 )
 def test_a_range(tmp_path: Path, wanted: str, status: int, content: bytes | None) -> None:
