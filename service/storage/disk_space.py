@@ -48,7 +48,7 @@ class DiskSpace:
     @property
     def _is_short_of_files(self) -> bool:
         found = os.statvfs(self._data_dir)
-        return 0 < found.f_files and found.f_favail < MIN_FREE_FILES  # 0: it has no limit
+        return found.f_files > 0 and found.f_favail < MIN_FREE_FILES  # 0: it has no limit
 
     def reserve(self, size: int) -> bool:
         """Reserve bytes that are about to be written, until `release`; return False if too many."""

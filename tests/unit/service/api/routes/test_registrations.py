@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 import httpx
 import pytest
 
+from service.api.threads import THREADS, limit_threads
 from service.auth.keys import DEFAULT_TENANT
 from service.jobs.model import JobRow
+from service.jobs.queries import JobFilter, JobQueries
 from service.runtime import Runtime
 from tests.factories.api import XYZ, IdleWorkers, on_api
 from tests.factories.jobs import LEASE_S, OUTCOME, claim, new_job
@@ -240,5 +243,33 @@ def test_a_key_answers_while_its_first_request_still_waits(tmp_path: Path) -> No
         assert not waiting.done()
         runtime.cancel(rows[0].id)
         assert (await waiting).json()["id"] == rows[0].id
+
+    on_api(tmp_path, use)
+
+
+def test_slow_searches_hold_up_no_other_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many there are: they look at each registration of a tenant, and have own threads."""
+
+    async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
+        limit_threads(waits_for_others=False)
+        is_over = threading.Event()
+        look = type(runtime.jobs).page
+
+        def slow(jobs: JobQueries, tenant: str, *, only: JobFilter, **page: Any) -> list[JobRow]:
+            if only.words:
+                is_over.wait(20)
+            return look(jobs, tenant, only=only, **page)
+
+        monkeypatch.setattr(type(runtime.jobs), "page", slow)
+        searches = [client.get(PATH, params={"search": "door"}) for _ in range(3 * THREADS)]
+        waiting = asyncio.gather(*searches)
+        await asyncio.sleep(0.1)
+        async with asyncio.timeout(10):
+            assert (await client.get(PATH)).status_code == 200
+            assert (await client.get("/v1/capacity")).status_code == 200
+        is_over.set()
+        assert {answer.status_code for answer in await waiting} == {200}
 
     on_api(tmp_path, use)
