@@ -48,14 +48,17 @@ from service.telemetry.tracing import Tracing
 from service.webhooks.outbox import Outbox
 from service.webhooks.sender import WebhookSender
 from service.workers.child import stop_forkserver
-from service.workers.export_gate import ExportGate
-from service.workers.exporter import Exporter
+from service.workers.exporter import MAX_RUNNING, Exporter
 from service.workers.lease import HEARTBEAT_SHARE
 from service.workers.maintenance import Maintenance, MaintenanceTask
 from service.workers.pool import WorkerPool
+from service.workers.tenant_gate import TenantGate
 
 DEADLINE_INTERVAL_S = 0.5
 """Interval of the looks for deadlines and leases that have passed, in seconds."""
+
+MAX_READING = 2
+"""Files that were sent to the store directly that are read and hashed at once."""
 
 LEADER_PAUSE = 2
 """Heartbeats that a new leader waits for before it ends leases."""
@@ -88,7 +91,8 @@ class Runtime:
     missing_workers: MissingWorkers
     rate_limiter: RateLimiter = field(default_factory=RateLimiter)
     in_flight_keys: InFlightKeys = field(default_factory=InFlightKeys)
-    export_gate: ExportGate = field(default_factory=ExportGate)
+    export_gate: TenantGate = field(default_factory=lambda: TenantGate(MAX_RUNNING, "exports"))
+    reading_gate: TenantGate = field(default_factory=lambda: TenantGate(MAX_READING, "uploads"))
     appends: ActiveAppends = field(default_factory=ActiveAppends)
 
     def submit(

@@ -46,7 +46,7 @@ from service.workers.task import FileTask, TaskEnvironment
 MAX_RUNNING = 2
 """Exports at once; each takes the memory of two decoded clouds."""
 MAX_WAITING = 8
-"""Further exports that wait in a thread; those of the API wait before, in `ExportGate`."""
+"""Further exports that wait in a thread; those of the API wait before, in a `TenantGate`."""
 DISK_INTERVAL_S = 0.25
 """Interval of the looks at the disk while a file grows, in seconds."""
 

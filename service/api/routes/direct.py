@@ -10,18 +10,20 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.admission import reserve_bytes, reserve_disk
 from service.api.dependencies import CurrentCaller, CurrentRuntime
+from service.api.disconnect import unless_disconnected
 from service.api.json_body import JSON_TYPE, read_json
 from service.api.routes.clouds import CloudId
 from service.api.threads import OwnThreads
 from service.clouds.direct_uploads import URL_LIFETIME_S, require_direct
 from service.clouds.store import StoredCloud
 from service.problems import BodyTooLargeError, ExpiredError
+from service.runtime import MAX_READING
 from service.schemas import AnnouncedFile, Cloud, DirectUpload, SignedUrl
 from service.storage.blobs import Blob
 
 router = APIRouter(prefix="/v1/clouds", tags=["clouds"])
 
-_READING = OwnThreads(2)
+_READING = OwnThreads(MAX_READING)
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -65,7 +67,9 @@ def create(
     operation_id="completeDirectUpload",
     summary="Make the file that was sent to the store a cloud",
 )
-async def complete(upload_id: str, runtime: CurrentRuntime, caller: CurrentCaller) -> Cloud:
+async def complete(
+    request: Request, upload_id: str, runtime: CurrentRuntime, caller: CurrentCaller
+) -> Cloud:
     """Compare the file with the length and hash that were announced, and store it as a cloud."""
     direct = require_direct(runtime.direct_uploads)
 
@@ -74,7 +78,11 @@ async def complete(upload_id: str, runtime: CurrentRuntime, caller: CurrentCalle
         with reserve_disk(runtime, upload.length):
             return direct.complete(upload)
 
-    return Cloud.model_validate(await _READING.run(adopt))
+    await unless_disconnected(request, runtime.reading_gate.acquire(caller.tenant))
+    try:
+        return Cloud.model_validate(await _READING.run(adopt))
+    finally:
+        runtime.reading_gate.release(caller.tenant)
 
 
 @router.post(

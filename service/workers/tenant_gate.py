@@ -1,4 +1,4 @@
-"""Turns of exports, waited for without a thread, and bounded for each tenant."""
+"""Turns of costly calls, waited for without a thread, and bounded for each tenant."""
 
 from __future__ import annotations
 
@@ -6,19 +6,28 @@ import asyncio
 from collections import Counter
 
 from service.problems import OverloadedError, QuotaExceededError
-from service.workers.exporter import MAX_RUNNING
 
 MAX_WAITING = 16
-"""Exports of all tenants that wait for their turn."""
+"""Calls of all tenants that wait for their turn."""
 MAX_WAITING_PER_TENANT = 4
-"""Exports of one tenant that wait for their turn."""
+"""Calls of one tenant that wait for their turn."""
 RETRY_AFTER_S = 5
 
 
-class ExportGate:
-    """Lets MAX_RUNNING exports run, the tenant with the fewest first; for one event loop."""
+class TenantGate:
+    """Lets a few calls of one kind run, the tenant with the fewest first; for one event loop.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    max_running : int
+        Calls that run at once.
+    name : str
+        What they are, in the plural: for messages, and as the name of the limit.
+    """
+
+    def __init__(self, max_running: int, name: str) -> None:
+        self._max_running = max_running
+        self._name = name
         self._running: Counter[str] = Counter()
         self._waiting: list[tuple[str, asyncio.Future[None]]] = []
 
@@ -28,11 +37,11 @@ class ExportGate:
         Raises
         ------
         QuotaExceededError
-            MAX_WAITING_PER_TENANT exports of the tenant are waiting.
+            MAX_WAITING_PER_TENANT calls of the tenant are waiting.
         OverloadedError
-            MAX_WAITING exports are waiting.
+            MAX_WAITING calls are waiting.
         """
-        if sum(self._running.values()) < MAX_RUNNING:
+        if sum(self._running.values()) < self._max_running:
             self._running[tenant] += 1
             return
         self._check_room(tenant)
@@ -63,9 +72,9 @@ class ExportGate:
         own = sum(other == tenant for other, _ in self._waiting)
         if own >= MAX_WAITING_PER_TENANT:
             raise QuotaExceededError(
-                f"{own} exports of this tenant are waiting already; fetch them first.",
+                f"{own} {self._name} of this tenant are waiting already; let them end first.",
                 retry_after_s=RETRY_AFTER_S,
-                members={"limit": "exports", "allowed": MAX_WAITING_PER_TENANT},
+                members={"limit": self._name, "allowed": MAX_WAITING_PER_TENANT},
             )
         if len(self._waiting) >= MAX_WAITING:
-            raise OverloadedError("Too many exports are waiting; retry later.")
+            raise OverloadedError(f"Too many {self._name} are waiting; retry later.")

@@ -1,4 +1,4 @@
-"""Exports take turns without threads, fairly and within bounds."""
+"""Costly calls take turns without threads, fairly and within bounds."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from service.problems import OverloadedError, QuotaExceededError
-from service.workers.export_gate import MAX_WAITING, MAX_WAITING_PER_TENANT, ExportGate
-from service.workers.exporter import MAX_RUNNING
+from service.workers.tenant_gate import MAX_WAITING, MAX_WAITING_PER_TENANT, TenantGate
+
+MAX_RUNNING = 2
 
 
-def on_full_gate(use: Callable[[ExportGate], Awaitable[None]]) -> None:
+def on_full_gate(use: Callable[[TenantGate], Awaitable[None]]) -> None:
     """Run a coroutine with a gate that tenant `a` has filled."""
 
     async def run() -> None:
-        gate = ExportGate()
+        gate = TenantGate(MAX_RUNNING, "exports")
         for _ in range(MAX_RUNNING):
             await gate.acquire("a")
         await use(gate)
@@ -24,7 +25,7 @@ def on_full_gate(use: Callable[[ExportGate], Awaitable[None]]) -> None:
     asyncio.run(run())
 
 
-async def waiting(gate: ExportGate, *tenants: str) -> list[asyncio.Task[None]]:
+async def waiting(gate: TenantGate, *tenants: str) -> list[asyncio.Task[None]]:
     """Let tenants wait, in this order."""
     tasks = [asyncio.create_task(gate.acquire(tenant)) for tenant in tenants]
     await asyncio.sleep(0.01)
@@ -32,7 +33,7 @@ async def waiting(gate: ExportGate, *tenants: str) -> list[asyncio.Task[None]]:
 
 
 def test_the_tenant_with_the_fewest_running_is_next() -> None:
-    async def use(gate: ExportGate) -> None:
+    async def use(gate: TenantGate) -> None:
         first, second, other = await waiting(gate, "a", "a", "b")
         assert not any(task.done() for task in (first, second, other))
         gate.release("a")
@@ -47,7 +48,7 @@ def test_the_tenant_with_the_fewest_running_is_next() -> None:
 
 
 def test_a_tenant_may_wait_a_few_times() -> None:
-    async def use(gate: ExportGate) -> None:
+    async def use(gate: TenantGate) -> None:
         tasks = await waiting(gate, *["a"] * MAX_WAITING_PER_TENANT)
         with pytest.raises(QuotaExceededError) as refused:
             await gate.acquire("a")
@@ -62,7 +63,7 @@ def test_a_tenant_may_wait_a_few_times() -> None:
 
 
 def test_who_is_gone_holds_no_turn() -> None:
-    async def use(gate: ExportGate) -> None:
+    async def use(gate: TenantGate) -> None:
         gone, granted, last = await waiting(gate, "a", "b", "c")
         gone.cancel()
         await asyncio.sleep(0.01)
