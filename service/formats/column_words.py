@@ -59,9 +59,10 @@ PLACE_WORDS = SYSTEMS | frozenset(
     (
         *("", "coord", "coords", "coordinate", "coordinates", "koordinate", "pos", "position"),
         *("coördinaat", "coordinaat", "coordenada", "coordonnée", "coordonnee", "coordinata"),
-        *("koordinat", "koordinata", "koordinatı", "координата", "坐标", "座標", "좌표", "wert"),
-        *("point", "points", "pt", "pts", "p", "loc", "location", "world", "local", "global"),
-        *("scan", "xyz", "geometry", "vertex", "map", "utm", "cartesian", "ecef", "lidar"),
+        *("koord", "koordinat", "koordinata", "koordinatı", "координата", "坐标", "座標", "좌표"),
+        *("wert", "point", "points", "pt", "pts", "p", "loc", "location", "world", "local"),
+        *("global", "scan", "xyz", "geometry", "vertex", "map", "utm"),
+        *("cartesian", "ecef", "lidar"),
         *("cloud", "pointcloud", "field", "data", "value", "val", "center", "centre", "centroid"),
         *("measured", "meas", "actual", "abs", "absolute"),
     )

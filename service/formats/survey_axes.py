@@ -9,7 +9,10 @@ from service.formats.column_names import normalize_name
 from service.formats.column_words import SURVEY
 from service.formats.numerals import is_number
 
-_LETTER = re.compile(r"([xy])(?:[\W_]*(?:coord\w*|koord\w*|coörd\w*|wert|pos))?")
+_LETTER = re.compile(
+    r"(?:[ck]o[oö]rd\w*[\W_]+)?([xy])(?:[\W_]*(?:[ck]o[oö]rd\w*|wert|pos|座標|坐标|좌표))?"
+)
+"""X or Y, perhaps with a word for coordinates."""
 _HEIGHTS = SURVEY[2] - {"z", "elevation", "elev", "height", "altitude", "alt", "up", "level"}
 """H and its words in other languages than English: names of surveyors, not of programmers."""
 _MAX_EAST = 1e6

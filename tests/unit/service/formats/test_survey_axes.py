@@ -53,6 +53,17 @@ def test_x_to_the_east(tmp_path: Path, grid: str) -> None:
         assert "'X' is read as east" in warning
 
 
+@pytest.mark.parametrize(
+    "names",
+    ["X坐标;Y坐标;高程", "X-Koordinate;Y-Koordinate;Höhe", "Koord. X;Koord. Y;H", "X[m];Y[m];H[m]"],
+)
+def test_letters_with_a_word(tmp_path: Path, names: str) -> None:
+    expected = np.stack([EAST + 512_000, NORTH + 3_456_000, UP], axis=1).round(3)
+    points, warning = read(tmp_path, names, *expected.T[[1, 0, 2]])
+    np.testing.assert_array_equal(points, expected)
+    assert "is read as east" in warning
+
+
 def test_small_numbers_tell_nothing(tmp_path: Path) -> None:
     """The order of surveyors is right-handed; without their word for heights names count."""
     local = np.stack([EAST, NORTH, UP], axis=1).round(3)
