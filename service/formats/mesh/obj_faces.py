@@ -19,6 +19,8 @@ from service.formats.text_table import read_columns
 
 NORMALS = ("nx", "ny", "nz")
 _LOST = "the normals (vn) are not kept"
+_BLOCK_WORDS = 30_000
+"""Corners that are converted at once."""
 _NORMAL_LINE = b"\nvn "
 
 
@@ -29,40 +31,67 @@ class ObjFaces:
     corners: array[int] = field(default_factory=lambda: array("q"))
     """Indices of vertices."""
     normals: array[int] = field(default_factory=lambda: array("q"))
-    """Index of the normal of each corner, if all corners have one; else shorter."""
+    """Index of the normal of each corner, if all corners have one; else there are fewer."""
     sizes: array[int] = field(default_factory=lambda: array("q"))
     """Number of corners of each face."""
+    has_partial_normals: bool = False
+    """Whether some corners have a normal, and some beside them have none."""
+    vertices: int = 0
+    """Vertices before the next face."""
+    listed_normals: int = 0
+    """Normals before the next face."""
     triangles: NDArray[np.int64] | None = None
     warnings: tuple[str, ...] = ()
     """Why there are no triangles, and what else is not kept."""
+    _words: list[str] = field(default_factory=list)
+    """Corners that are not converted yet, behind equal numbers of vertices and normals."""
 
-    def add(self, words: list[str], vertices: int, normals: int) -> None:
-        """Add a face behind so many vertices and normals; negative numbers count from there."""
-        parts = [word.split("/") for word in words]
-        found = [int(part[0]) for part in parts]
-        self.corners.extend(vertices + item if item < 0 else item - 1 for item in found)
-        self.sizes.append(len(found))
-        if normals and all(len(part) == 3 for part in parts):
-            chosen = [int(part[2]) for part in parts]
-            self.normals.extend(normals + item if item < 0 else item - 1 for item in chosen)
+    def add(self, words: list[str]) -> bool:
+        """Add a face; return whether it is time to convert."""
+        self._words += words
+        self.sizes.append(len(words))
+        return len(self._words) >= _BLOCK_WORDS
+
+    def convert(self) -> None:
+        """Convert the corners that were added: a vertex, and perhaps a texture and a normal."""
+        if not self._words:
+            return
+        words, self._words = self._words, []
+        slashes = {word.count("/") for word in words}
+        if len(slashes) != 1:
+            words, width = [word.split("/", 1)[0] for word in words], 1
+            self.has_partial_normals |= 2 in slashes
+        else:
+            words, width = "/".join(words).split("/"), slashes.pop() + 1
+        self.corners.extend(_to_places(words[::width], self.vertices))
+        if width == 3 and "" not in words[2::3]:
+            self.normals.extend(_to_places(words[2::3], self.listed_normals))
+
+
+def _to_places(numbers: list[str], count: int) -> list[int]:
+    """Return the places of numbers from 1; negative ones count back from the last of `count`."""
+    found = list(map(int, numbers))
+    return [count + item if item < 0 else item - 1 for item in found]
 
 
 def read_faces(path: Path, count: int, limits: ReadLimits, *, warns_of_others: bool) -> ObjFaces:
     """Read the faces at the `count` vertices, with warnings of what is not kept."""
     faces = ObjFaces()
-    vertices, normals = 0, 0
     others: set[str] = set()
     try:
         for words in iter_words(path):
-            if words[0] == "v":
-                vertices += 1
-            elif words[0] == "vn":
-                normals += 1
-            elif words[0] == "f":
-                faces.add(words[1:], vertices, normals)
-                check_face_count(count, len(faces.sizes), limits)
+            if words[0] == "f":
+                if faces.add(words[1:]):
+                    faces.convert()
+                    check_face_count(count, len(faces.sizes), limits)
+            elif words[0] in ("v", "vn"):
+                faces.convert()
+                faces.vertices += words[0] == "v"
+                faces.listed_normals += words[0] == "vn"
             elif words[0] in ("vt", "l", "p"):
                 others.add(words[0])
+        faces.convert()
+        check_face_count(count, len(faces.sizes), limits)
         faces.triangles = to_faces(faces.corners, faces.sizes, count)
     except (ValueError, OverflowError) as error:
         faces.warnings = (f"the faces are not kept: {error}"[:200],)
@@ -83,13 +112,13 @@ def read_normals(
     tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]
         Zero for vertices without one, and warnings of normals that are not kept.
     """
+    if not faces.listed_normals:
+        return {}, ()
     try:
         found = read_columns(path, 0, 1, (1, 2, 3), limits, dialect=Dialect(keyword="vn"))
     except CloudFileError as error:
         return {}, (f"{_LOST}: {error}"[:200],)
-    if len(found) == 0:
-        return {}, ()
-    if len(faces.normals) == 0 and len(found) == count:
+    if len(faces.normals) == 0 and not faces.has_partial_normals and len(found) == count:
         return dict(zip(NORMALS, found.T, strict=True)), ()
     corners, chosen = (np.array(items, np.int64) for items in (faces.corners, faces.normals))
     if faces.triangles is None or len(chosen) != len(corners):

@@ -45,6 +45,11 @@ def test_faces_assign_the_normals(tmp_path: Path) -> None:
         assert not cloud.warnings
 
 
+def test_faces_may_stand_before_the_normals(tmp_path: Path) -> None:
+    _, normals = read(tmp_path, CORNERS + "f 1//4 2//3 3//2\nf 1//4 3//2 4//1\n" + NORMALS)
+    np.testing.assert_array_equal(normals, LISTED[::-1])
+
+
 def test_vertices_without_a_normal(tmp_path: Path) -> None:
     _, normals = read(tmp_path, CORNERS + "vn 0 0 1\nf 1//1 2//1 3//1\n")
     np.testing.assert_array_equal(normals, [[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 0]])
