@@ -10,11 +10,13 @@ each to one kind of task, or Failed.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from service.outbound.http_cache import MAX_VALIDATOR_LENGTH
+from service.problems import TYPE_PREFIX, all_problem_types
 
 MAX_MESSAGE_BYTES = 1 << 20
 """Length of an encoded message; MAX_WARNINGS of MAX_TEXT_LENGTH fit, every character escaped."""
@@ -31,6 +33,19 @@ Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Validator = Annotated[str, Field(max_length=MAX_VALIDATOR_LENGTH)]
 Timing = Annotated[dict[Name, Seconds], Field(max_length=40)]
 """Seconds by stage; the keys are those of the API, such as `decode_s`."""
+
+
+@cache
+def _known_types() -> frozenset[str]:
+    return frozenset(TYPE_PREFIX + kind.slug for kind in all_problem_types())
+
+
+def _require_known(kind: str) -> str:
+    """Refuse an invented type: each is a label of the metrics, which are kept for ever."""
+    if kind not in _known_types():
+        raise ValueError("expected a type of problem that the service has")
+    return kind
+
 
 _STRICT = ConfigDict(strict=True, extra="forbid")
 
@@ -57,7 +72,7 @@ class Problem:
     """The problem document (RFC 9457) of a failure."""
 
     __pydantic_config__ = _STRICT
-    type: Annotated[str, Field(pattern=r"^urn:mpe:problem:[a-z0-9-]{1,40}$")]
+    type: Annotated[str, AfterValidator(_require_known)]
     title: Annotated[str, Field(max_length=200)]
     status: Annotated[int, Field(ge=400, le=599)]
     detail: Text

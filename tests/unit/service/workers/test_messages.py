@@ -94,6 +94,7 @@ def changed(message: Message, **values: Any) -> bytes:
         changed(MESSAGES[5], problem={"detail": "x"}),
         changed(MESSAGES[5], problem=asdict(PROBLEM) | {"status": 200}),
         changed(MESSAGES[5], problem=asdict(PROBLEM) | {"type": "http://elsewhere"}),
+        changed(MESSAGES[5], problem=asdict(PROBLEM) | {"type": "urn:mpe:problem:invented"}),
         changed(MESSAGES[5], problem=asdict(PROBLEM) | {"detail": "x" * (MAX_TEXT_LENGTH + 1)}),
     ],
     ids=lambda line: line[:40].decode("latin1"),
