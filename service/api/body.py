@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from fastapi import Request
 from python_multipart.exceptions import FormParserError
@@ -72,35 +72,60 @@ async def read_text(request: Request) -> bytes:
 
 async def store_body(request: Request, blobs: BlobStore, max_bytes: int) -> Blob:
     """Store the body as a blob."""
-    held = _HeldBytes()
-    with blobs.writer() as writer:
+    held, file = _HeldBytes(), _ArrivingFile(blobs)
+    try:
         async for chunk in iter_body(request, max_bytes):
-            held.add(writer, chunk)
+            held.add(file, chunk)
             await held.write_where_long()
 
         def commit() -> Blob:
             held.write()
-            return writer.commit()
+            return file.commit()
 
         return await STORING.run(commit)
+    finally:
+        await STORING.run(file.discard)
+
+
+class _ArrivingFile:
+    """A blob that is begun when its first bytes are written; all methods are for threads."""
+
+    def __init__(self, blobs: BlobStore) -> None:
+        self._begin = blobs.writer
+        self._writer: BlobWriter | None = None
+
+    def write(self, data: bytes | bytearray) -> None:
+        self._begun().write(data)
+
+    def commit(self) -> Blob:
+        return self._begun().commit()
+
+    def discard(self) -> None:
+        if self._writer is not None:
+            self._writer.discard()
+
+    def _begun(self) -> BlobWriter:
+        if self._writer is None:
+            self._writer = self._begin()
+        return self._writer
 
 
 class _HeldBytes:
     """Bytes that wait to be written: a disk may be slow, so a thread does it, not the loop."""
 
     def __init__(self) -> None:
-        self._parts: list[tuple[BlobWriter, bytearray]] = []
+        self._parts: list[tuple[_ArrivingFile, bytearray]] = []
         self._size = 0
 
-    def add(self, writer: BlobWriter, data: bytes) -> None:
-        if not self._parts or self._parts[-1][0] is not writer:
-            self._parts.append((writer, bytearray()))
+    def add(self, file: _ArrivingFile, data: bytes) -> None:
+        if not self._parts or self._parts[-1][0] is not file:
+            self._parts.append((file, bytearray()))
         self._parts[-1][1].extend(data)
         self._size += len(data)
 
     def write(self) -> None:
-        for writer, data in self._parts:
-            writer.write(data)
+        for file, data in self._parts:
+            file.write(data)
         self._parts, self._size = [], 0
 
     async def write_where_long(self) -> None:
@@ -133,11 +158,14 @@ async def read_multipart(
         The body, or one of its text fields, is too long.
     """
     _, parameters = parse_options_header(request.headers["content-type"])
-    with _MultipartForm(parameters.get(b"boundary", b""), blobs) as form:
+    form = _MultipartForm(parameters.get(b"boundary", b""), blobs)
+    try:
         async for chunk in iter_body(request, max_bytes):
             await _feed_in_steps(form, chunk)
             await form.held.write_where_long()
         return await STORING.run(lambda: parse(form.commit()))
+    finally:
+        await STORING.run(form.discard)
 
 
 async def _feed_in_steps(form: _MultipartForm, chunk: bytes) -> None:
@@ -161,8 +189,8 @@ class _MultipartForm:
             )
         self.held = _HeldBytes()
         self._blobs = blobs
-        self._fields: dict[str, BlobWriter | bytearray] = {}
-        self._field: BlobWriter | bytearray = bytearray()
+        self._fields: dict[str, _ArrivingFile | bytearray] = {}
+        self._field: _ArrivingFile | bytearray = bytearray()
         self._header_name = b""
         self._header_value = b""
         self._disposition: dict[bytes, bytes] = {}
@@ -180,12 +208,10 @@ class _MultipartForm:
             },
         )
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def discard(self) -> None:
+        """Remove the files that were not committed, which waits for the disk."""
         for field in self._fields.values():
-            if isinstance(field, BlobWriter):
+            if isinstance(field, _ArrivingFile):
                 field.discard()
 
     def feed(self, chunk: bytes) -> None:
@@ -201,7 +227,7 @@ class _MultipartForm:
         self.held.write()
         try:
             return {
-                name: field.commit() if isinstance(field, BlobWriter) else field.decode()
+                name: field.commit() if isinstance(field, _ArrivingFile) else field.decode()
                 for name, field in self._fields.items()
             }
         except UnicodeDecodeError as error:
@@ -230,10 +256,10 @@ class _MultipartForm:
         if len(self._fields) >= MAX_FORM_FIELDS:
             raise MalformedBodyError(f"The form has more than {MAX_FORM_FIELDS} fields.")
         is_file = b"filename" in self._disposition
-        self._field = self._fields[name] = self._blobs.writer() if is_file else bytearray()
+        self._field = self._fields[name] = _ArrivingFile(self._blobs) if is_file else bytearray()
 
     def _on_part_data(self, data: bytes, start: int, end: int) -> None:
-        if isinstance(self._field, BlobWriter):
+        if isinstance(self._field, _ArrivingFile):
             self.held.add(self._field, data[start:end])
             return
         self._field += data[start:end]

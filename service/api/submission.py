@@ -90,8 +90,9 @@ async def read_submission(request: Request, runtime: Runtime, tenant: str) -> Su
             "their URLs.",
             headers={"Accept-Post": "multipart/form-data, application/json"},
         )
-    if submission.parameters.callback_url is not None:
-        check_callback(submission.parameters.callback_url, runtime.settings)
+    callback_url = submission.parameters.callback_url
+    if callback_url is not None:  # it asks the kernel for the addresses of this machine
+        await run_in_threadpool(check_callback, callback_url, runtime.settings)
     return submission
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 
 from fastapi import APIRouter, Depends, Response
 from fastapi.responses import PlainTextResponse
@@ -11,12 +12,13 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from service.api.dependencies import CurrentCaller, CurrentRuntime, identify
 from service.api.threads import OwnThreads
 from service.problems import NotReadyError, OverloadedError
+from service.runtime import Runtime
 from service.schemas import Capacity, Health, Readiness, TenantUsage
 
 router = APIRouter(tags=["health"])
 
-DATABASE_TIMEOUT_S = 2.0
-"""Time that the database has to answer a probe, in seconds; probes give up after 3 to 5 s."""
+ANSWER_S = 2.0
+"""Time that database and disk have to answer a probe, in seconds; probes give up after 3 to 5 s."""
 _PROBES = OwnThreads(2)
 
 
@@ -32,14 +34,18 @@ async def readyz(runtime: CurrentRuntime) -> Readiness:
     if not runtime.workers.is_ready:
         reason = runtime.workers.failure or "they are starting, or the service is stopping"
         raise NotReadyError(f"The workers are not ready: {reason}. Retry later.", retry_after_s=1)
+    try:
+        async with asyncio.timeout(ANSWER_S):
+            return await _PROBES.run(partial(_look, runtime), abandon=True)
+    except TimeoutError:
+        raise NotReadyError("The database or the disk does not answer; retry later.") from None
+
+
+def _look(runtime: Runtime) -> Readiness:
+    """Look at disk and database, either of which may hang."""
     if runtime.disk.is_short:
         raise OverloadedError("Too little disk is left; retry later.")
-    try:
-        async with asyncio.timeout(DATABASE_TIMEOUT_S):
-            warnings = await _PROBES.run(runtime.missing_workers.describe, abandon=True)
-    except TimeoutError:
-        raise NotReadyError("The database does not answer; retry later.") from None
-    return Readiness(warnings=warnings)
+    return Readiness(warnings=runtime.missing_workers.describe())
 
 
 @router.get(

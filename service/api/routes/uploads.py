@@ -142,7 +142,9 @@ async def append(
     announced = min(remaining, int(request.headers.get("content-length", remaining)))
     if upload_offset == await run_in_threadpool(runtime.uploads.offset, upload):
         await runtime.appends.interrupt(upload.id)  # its caller knows what has arrived: goes on
-    with reserve_disk(runtime, announced), ExitStack() as opened:
+    with ExitStack() as opened:
+        reserved = reserve_disk(runtime, announced)
+        await run_in_threadpool(opened.enter_context, reserved)
         appending = runtime.uploads.open_at(upload, upload_offset)
         file = await STORING.run(lambda: opened.enter_context(appending))  # it may fetch pieces
         async with runtime.appends.enter(upload.id) as limit:

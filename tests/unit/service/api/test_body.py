@@ -56,7 +56,9 @@ def test_files_are_written_by_threads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_form: bool
 ) -> None:
     """A disk may be slow: the event loop does not wait for it."""
-    writers = note_threads(monkeypatch, BlobWriter, "write")
+    calls = [
+        note_threads(monkeypatch, BlobWriter, name) for name in ("__init__", "write", "discard")
+    ]
     content = bytes(3 * WRITE_BYTES)
     body = form(part("source", content, filename="a"), part("target", content, filename="b"))
     request = request_of(split(body if is_form else content, 1000), FORM_TYPE)
@@ -65,8 +67,9 @@ def test_files_are_written_by_threads(
         asyncio.run(read_multipart(request, blobs, 10**6, lambda fields: fields))
     else:
         asyncio.run(store_body(request, blobs, 10**6))
-    assert writers
-    assert threading.get_ident() not in writers
+    for writers in calls:
+        assert writers
+        assert threading.get_ident() not in writers
     assert blobs.path(hashlib.sha256(content).hexdigest()).read_bytes() == content
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 import threading
 from pathlib import Path
 from unittest import mock
@@ -34,17 +35,19 @@ def test_probes_wait_for_no_shared_thread(tmp_path: Path) -> None:
     on_api(tmp_path, use)
 
 
-def test_a_database_that_does_not_answer_is_not_ready(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("owner", "name"), [(MissingWorkers, "describe"), (shutil, "disk_usage")])
+def test_what_does_not_answer_is_not_ready(
+    owner: object, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(health, "DATABASE_TIMEOUT_S", 0.05)
+    """A database, or a disk on another machine; the loop does not wait for either."""
+    monkeypatch.setattr(health, "ANSWER_S", 0.05)
     release = threading.Event()
 
     async def use(client: httpx.AsyncClient, runtime: Runtime) -> None:
         def hang(*_: object) -> None:
             release.wait(20)
 
-        with mock.patch.object(MissingWorkers, "describe", hang):
+        with mock.patch.object(owner, name, hang):
             assert (await client.get("/readyz")).status_code == 503
             assert (await client.get("/livez")).status_code == 200
             release.set()
