@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Container
 from dataclasses import asdict, replace
-from typing import get_args
+from typing import Any, get_args
 
-from sqlalchemy import Connection, and_, insert, select
+from sqlalchemy import Connection, Row, and_, insert, select
 
-from service.database.clock import read_time
+from service.database.clock import now, read_time
 from service.database.tables import idempotency_keys, jobs
 from service.jobs.claim_order import enter_queue
 from service.jobs.events import record_change, record_end
@@ -28,16 +28,16 @@ def accept_job(
     queue_limit: int,
     tenant_queue_limit: int | None,
     retention: Retention,
-    is_stored: Callable[[str], bool],
+    stored: Container[str],
     large_bytes: int | None = None,
 ) -> JobRow:
     """Insert a job, within an exclusive transaction of the caller.
 
     Parameters
     ----------
-    is_stored
-        Whether the blob of this hash is on the disk: a result whose files are missing is computed
-        again.
+    stored
+        Hashes of the files of `find_result` that are there: a result whose files are missing is
+        computed again. They are looked for before, as the store of the files may not answer.
     large_bytes
         As in `service.jobs.sizes.choose_queue`.
 
@@ -61,7 +61,7 @@ def accept_job(
         if earlier is not None:
             return earlier
     job = replace(job, queue=choose_queue(job, large_bytes))
-    job = _reuse_result(connection, job, retention, is_stored)
+    job = _reuse_result(connection, job, retention, stored)
     if job.status == "queued":
         check_queue_limit(count_jobs(connection, "queued"), queue_limit)
         if tenant_queue_limit is not None:
@@ -126,24 +126,31 @@ def _find_replayed(connection: Connection, tenant: str, idempotency: Idempotency
     return find_job(connection, jobs.c.id == earlier.job_id)
 
 
-def _reuse_result(
-    connection: Connection, job: JobRow, retention: Retention, is_stored: Callable[[str], bool]
-) -> JobRow:
-    """End the job with the kept result of the same work, if there is one.
+def find_result(connection: Connection, job: JobRow) -> Row[Any] | None:
+    """Return the row whose result, which is kept, is that of the same work, or None.
 
     Only results of its own tenant count: `cached` must not tell what other tenants registered.
     """
-    moment = read_time(connection)
+    if not job.work_key:
+        return None
     is_same_work = and_(
         jobs.c.tenant == job.tenant,
         jobs.c.work_key == job.work_key,
         jobs.c.status == "succeeded",
-        jobs.c.result_expires_at > moment,
+        jobs.c.result_expires_at > now(),
     )
     query = select(jobs).where(is_same_work).order_by(jobs.c.finished_at.desc()).limit(1)
-    row = connection.execute(query).one_or_none() if job.work_key else None
-    if row is None or not (is_stored(row.result_sha256) and is_stored(row.inliers_sha256)):
+    return connection.execute(query).one_or_none()
+
+
+def _reuse_result(
+    connection: Connection, job: JobRow, retention: Retention, stored: Container[str]
+) -> JobRow:
+    """End the job with the kept result of the same work, if there is one."""
+    row = find_result(connection, job)
+    if row is None or row.result_sha256 not in stored or row.inliers_sha256 not in stored:
         return job
+    moment = read_time(connection)
     return replace(
         job,
         status="succeeded",

@@ -12,7 +12,7 @@ from sqlalchemy import ColumnElement, Connection, and_, delete, literal, select,
 from service.database.clock import now, read_time
 from service.database.engine import Database
 from service.database.tables import jobs
-from service.jobs.accept import accept_job
+from service.jobs.accept import accept_job, find_result
 from service.jobs.announcements import Announcement
 from service.jobs.claim_order import (
     MAX_PAUSE_S,
@@ -73,6 +73,7 @@ class JobTransitions:
         tenant_queue_limit: int | None = None,
     ) -> JobRow:
         """Accept a job; see `service.jobs.accept.accept_job`."""
+        stored = self._find_stored(job)
         with self._database.write(exclusive=True) as connection:
             accepted = accept_job(
                 connection,
@@ -81,12 +82,19 @@ class JobTransitions:
                 queue_limit=self._queue_limit,
                 tenant_queue_limit=tenant_queue_limit,
                 retention=self._retention,
-                is_stored=self._is_stored,
+                stored=stored,
                 large_bytes=self._large_bytes,
             )
             if accepted.status == "queued":
                 self._announce(connection, "queued", accepted)
             return accepted
+
+    def _find_stored(self, job: JobRow) -> set[str]:
+        """Return the hashes of the files of a kept result of the same work that are there."""
+        with self._database.read(single=True) as connection:
+            row = find_result(connection, job)
+        hashes = () if row is None else (row.result_sha256, row.inliers_sha256)
+        return {sha256 for sha256 in hashes if self._is_stored(sha256)}
 
     def is_claimable(self, queue: JobQueue, tenant_limit: int = NO_LIMIT) -> bool:
         """Return whether `claim` would find a job now."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 from service.database.engine import Database
@@ -97,3 +99,17 @@ def test_a_result_whose_file_is_missing_is_computed_again(database: Database, mi
     add(transitions, work_key="w")
     assert transitions.succeed(claim(transitions), OUTCOME, "w")
     assert add(transitions, work_key="w").status == "queued"
+
+
+def test_others_may_write_while_files_are_looked_for(database: Database) -> None:
+    """They may be on another machine, which does not answer."""
+    with ThreadPoolExecutor(1) as threads:
+
+        def look(sha256: str) -> bool:
+            threads.submit(add, others).result(20)
+            return True
+
+        others, transitions = open_transitions(database), open_transitions(database, is_stored=look)
+        add(transitions, work_key="w")
+        assert transitions.succeed(claim(transitions), OUTCOME, "w")
+        assert add(transitions, work_key="w").cached
