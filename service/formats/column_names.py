@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Sequence
+from functools import lru_cache
 
 from service.formats.column_words import (
     COMMON,
@@ -18,6 +19,7 @@ from service.formats.column_words import (
 )
 
 _XYZ = (("x", "y", "z"),)
+_PLANE = SURVEY[0] | SURVEY[1]
 _OTHER_XYZ = (
     ("px", "py", "pz"),
     ("pos_x", "pos_y", "pos_z"),
@@ -91,9 +93,10 @@ def _with_east_first(names: Sequence[str], xyz: tuple[int, ...]) -> tuple[int, .
     return (y, x, z) if beside_x & north and beside_y & east else xyz
 
 
-def _long_words(words: frozenset[str]) -> set[str]:
+@lru_cache(maxsize=4)
+def _long_words(words: frozenset[str]) -> frozenset[str]:
     """Return the words that are no mere letters, which may mean something else."""
-    return {word for word in words if len(word) >= _MIN_SURVEY_WORD or not word.isascii()}
+    return frozenset(word for word in words if len(word) >= _MIN_SURVEY_WORD or not word.isascii())
 
 
 def find_further(names: Sequence[str], xyz: Sequence[int]) -> list[str]:
@@ -204,7 +207,7 @@ def _find_axes(names: Sequence[str], bare: Sequence[str]) -> tuple[int, ...] | N
     That of z may be a word for heights.
     """
     axes: dict[str, list[tuple[int, str]]] = {"x": [], "y": [], "z": []}
-    plane, height = _long_words(SURVEY[0] | SURVEY[1]), _long_words(SURVEY[2])
+    plane, height = _long_words(_PLANE), _long_words(SURVEY[2])
     for place, name in enumerate(names):
         words = _WORD.split(normalize_name(_BRACKETED_AXIS.sub(r"_\1", name)))
         letters = [word for word in words if word in axes]
@@ -232,8 +235,11 @@ def are_other_quantities(names: Sequence[str]) -> bool:
 
 def normalize_name(name: str) -> str:
     """Convert to lower case, without quotes, a unit or a type; PosX becomes pos_x."""
-    if len(name) > _MAX_NAME_CHARACTERS:
-        return name.lower()
+    return name.lower() if len(name) > _MAX_NAME_CHARACTERS else _normalize_short(name)
+
+
+@lru_cache(maxsize=4096)  # many lines of a file are asked, for each delimiter
+def _normalize_short(name: str) -> str:
     name = _DECLARED.sub("", name)
     bare = unicodedata.normalize("NFC", name).strip().strip("\"'`")
     bare = _LAST_CAPITAL.sub("_", bare).lower()
