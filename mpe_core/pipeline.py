@@ -55,6 +55,9 @@ MAX_REFINED = 8
 """Candidates of a search that are refined fully; the others are left after a short refinement of
 some of their points (docs/tuning.md)."""
 
+REFINED_TOGETHER = 2
+"""Candidates that are refined together until one convinces."""
+
 MAX_SCORE_GAP = 3.0
 """Score by which a candidate may fall short of the best one after the short refinement and still be
 refined fully (docs/tuning.md)."""
@@ -90,6 +93,7 @@ class PosePipeline:
         size_ratio: float = 1.0,
         *,
         compares_shape: bool = True,
+        is_trial: bool = False,
     ) -> None:
         """Choose the refiner that suits noise and density of the clouds.
 
@@ -105,9 +109,11 @@ class PosePipeline:
             Radius of the larger cloud over that of the smaller one.
         compares_shape
             Whether points have to meet points of the same local shape.
+        is_trial
+            Whether `run` leaves the best pose where its comparison with others left it.
         """
         self.source, self.target, self._prior, self._options = source, target, prior, options
-        self._size_ratio = size_ratio
+        self._size_ratio, self._is_trial = size_ratio, is_trial
         self._regime = choose_regime(source, target)
         self._free_space = _free_space(source, target)
         planes = choose_planes(source, target, prior, self._regime, options)
@@ -158,7 +164,7 @@ class PosePipeline:
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
         best, *others = select_equal(ordered)
-        return [self.finish(best), *others]
+        return [best if self._is_trial else self.finish(best), *others]
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
         """Order the poses and that next to the start: near ones first, within the given range."""
@@ -220,7 +226,7 @@ class PosePipeline:
             candidates = self.find_levelled_candidates(report)
         with progress.stage("refine") as report:
             promising = self._preselect(candidates.poses, report)
-            poses += [self._refine_preselected(near) for near in promising]
+            poses += self._refine_preselected(promising)
 
     def refine(self, T: Array) -> ScoredPose:
         """Refine and score a coarse pose T (4, 4)."""
@@ -254,11 +260,14 @@ class PosePipeline:
             if len(candidates.poses) == 0 or self._has_convincing(poses, level):
                 return
         promising = self._preselect(candidates.poses, lambda share: report(share / 2))
-        for done, near in enumerate(promising):
-            report(0.5 + 0.5 * done / len(promising))
-            is_rival = candidates.scores[near.row] >= least
-            if is_rival or not self._has_convincing(poses, level):
-                poses.append(self._refine_preselected(near))
+        rivals = [near for near in promising if candidates.scores[near.row] >= least]
+        poses += self._refine_preselected(rivals)
+        others = [near for near in promising if candidates.scores[near.row] < least]
+        for done in range(0, len(others), REFINED_TOGETHER):
+            report(0.5 + 0.5 * (len(rivals) + done) / len(promising))
+            if self._has_convincing(poses, level):
+                break
+            poses += self._refine_preselected(others[done : done + REFINED_TOGETHER])
 
     def _preselect(self, poses: Array, report: FractionCallback) -> list[_Preselected]:
         """Select up to MAX_REFINED of the poses (K, 4, 4) by a short refinement, best first."""
@@ -278,11 +287,21 @@ class PosePipeline:
             for row, T, evidence in found[:MAX_REFINED]
         ]
 
-    def _refine_preselected(self, near: _Preselected) -> ScoredPose:
-        """Refine and score a preselected pose; one that falls short stays a rival as it is."""
-        if near.weak_evidence is None:
-            return self.refine(near.T)
-        return ScoredPose(Minimum(near.T, False, PRESELECT_STEPS), near.weak_evidence)
+    def _refine_preselected(self, chosen: Sequence[_Preselected]) -> list[ScoredPose]:
+        """Refine and score preselected poses; those that fall short stay rivals as they are."""
+        starts = [
+            self._prior.project_to_yaw(near.T) for near in chosen if near.weak_evidence is None
+        ]
+        minima = iter(self.refiner.refine_all(np.array(starts)) if starts else [])
+        found = []
+        for near in chosen:
+            if near.weak_evidence is None:
+                minimum = next(minima)
+                found.append(ScoredPose(minimum, self.scorer.score(minimum.T)))
+            else:
+                minimum = Minimum(near.T, False, PRESELECT_STEPS)
+                found.append(ScoredPose(minimum, near.weak_evidence))
+        return found
 
     def _has_convincing(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
         """Whether a pose ends the search at this level."""

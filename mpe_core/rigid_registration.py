@@ -137,8 +137,8 @@ def search_trial(
     progress: Progress,
     levels: Sequence[SearchLevel],
 ) -> Trial:
-    """Find the best rigid pose, as `register_rigidly` does, without a description of it."""
-    pair, pipeline = _prepare(source, target, options, progress)
+    """Find the best rigid pose, as `register_rigidly` does, without an exact end or a description."""
+    pair, pipeline = _prepare(source, target, options, progress, is_trial=True)
     best = _find_poses(pipeline, pair, options, progress, levels)[0]
     return Trial(best, pipeline, pair)
 
@@ -150,13 +150,16 @@ def _prepare(
     progress: Progress,
     *,
     compares_shape: bool = True,
+    is_trial: bool = False,
 ) -> tuple[CloudPair, Pipeline]:
     """Normalize the clouds, and choose what matches them."""
     with progress.stage("prepare") as report:
         report(0.2)
         pair, clouds = prepare_pair(source, target, options)
         report(0.8)
-        return pair, _choose_pipeline(pair, clouds, options, compares_shape=compares_shape)
+        return pair, _choose_pipeline(
+            pair, clouds, options, compares_shape=compares_shape, is_trial=is_trial
+        )
 
 
 def _choose_pipeline(
@@ -165,6 +168,7 @@ def _choose_pipeline(
     options: RegistrationOptions,
     *,
     compares_shape: bool,
+    is_trial: bool,
 ) -> Pipeline:
     """Pipeline that moves the source, or the target where the source is the larger cloud."""
     source, target = clouds
@@ -172,10 +176,22 @@ def _choose_pipeline(
     larger = np.divide(*pair.radii)
     if larger < MIN_EXCHANGE_RATIO or options.initial_transform or options.overlap:
         return PosePipeline(
-            source, target, prior, options, pair.size_ratio, compares_shape=compares_shape
+            source,
+            target,
+            prior,
+            options,
+            pair.size_ratio,
+            compares_shape=compares_shape,
+            is_trial=is_trial,
         )
     inner = PosePipeline(
-        target, source, prior.inverse(), options, pair.size_ratio, compares_shape=compares_shape
+        target,
+        source,
+        prior.inverse(),
+        options,
+        pair.size_ratio,
+        compares_shape=compares_shape,
+        is_trial=is_trial,
     )
     planes = choose_planes(source, target, prior, choose_regime(source, target), options)
     return ExchangedPipeline(inner, planes)

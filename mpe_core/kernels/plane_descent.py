@@ -1,4 +1,4 @@
-"""Point-to-plane steps of many poses at once, each with all its points on one thread."""
+"""Gauss-Newton steps of the robust point-to-plane sum, each pose on one thread."""
 
 from __future__ import annotations
 
@@ -7,46 +7,46 @@ from numba import njit, prange
 
 from mpe_core.kernels.cell_list import CELLS, distance_key, nearest_key
 from mpe_core.kernels.energy_descent import solve_cholesky
-from mpe_core.kernels.plane_equations import add_row
 from mpe_core.kernels.rigid_motion import update_pose
 
 MOVING = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """Points (N, 3), and unit normals (N, 3) that point outwards, or (0, 3) if these are unknown."""
 PLANES = "Tuple((float32[:, ::1], float32[:, ::1], float32))"
-"""Points (M, 3) in the order of the cells, their unit normals (M, 3), and the reach."""
+"""A point (M, 3) of each plane in the order of the cells, unit normals (M, 3), and the reach."""
 SCHEDULE = "Tuple((float32[::1], float64[::1], int64))"
 """Cut-off and tolerance of each round, and the bound on all steps."""
 
 
 @njit(
-    f"boolean(float64[:, ::1], float32[::1], float64[:, ::1], float64[::1], int32[::1], {MOVING},"
-    f" {PLANES}, {CELLS}, float32)",
+    f"void(float64[:, ::1], float64[:, ::1], float64[::1], int32[::1], {MOVING}, {PLANES}, {CELLS},"
+    " float32)",
     cache=True,
     error_model="numpy",
 )
-def add_equations(T, moved, H, g, nearest, moving, planes, cells, cutoff):
-    """Add the normal equations of the point-to-plane sum at the pose T to H and g.
+def sum_equations(T, H, g, nearest, moving, planes, cells, cutoff):
+    """Sum the normal equations of the points at the pose T into H (6, 6) and g (6,).
 
-    The sum is that of `plane_equations`. `nearest` (N,) holds the columns of the last step, or -1,
-    which bound the search for the next ones, and takes these; `moved` (3,) is scratch.
-
-    Returns
-    -------
-    Whether any point has a weight.
+    The function is the sum of rho(n.(y - p)) over a small motion p -> p + w x p + v of the moved
+    points p, y the plane's point next to each and n its normal, with Tukey's biweight rho. Its step
+    (w, v) solves H (w, v) = g. `nearest` (n,) holds the columns of the last step, or -1, which
+    bound the search for the next ones, and takes these.
     """
     points, outward = moving
-    fixed, normals, reach = planes
-    J, any_weight = np.empty(6), False
+    feet, normals, reach = planes
+    columns = cells[0]
+    H[:], g[:] = 0.0, 0.0
+    J, moved = np.empty(6), np.empty(3, np.float32)
+    none = distance_key(reach * reach)
     for i in range(points.shape[0]):
         for a in range(3):
             moved[a] = (
                 T[a, 0] * points[i, 0] + T[a, 1] * points[i, 1] + T[a, 2] * points[i, 2] + T[a, 3]
             )
         px, py, pz = moved[0], moved[1], moved[2]
-        none = best = distance_key(reach * reach)
+        best = none
         if nearest[i] >= 0:
             k = nearest[i]
-            dx, dy, dz = fixed[k, 0] - px, fixed[k, 1] - py, fixed[k, 2] - pz
+            dx, dy, dz = columns[0, k] - px, columns[1, k] - py, columns[2, k] - pz
             best = min(best, distance_key(dx * dx + dy * dy + dz * dz) | k)
         best = nearest_key(px, py, pz, best, cells)
         nearest[i] = -1
@@ -62,17 +62,20 @@ def add_equations(T, moved, H, g, nearest, moving, planes, cells, cutoff):
                 )
             if facing < 0.0:
                 continue
-        has_weight = add_row(
-            (px, py, pz),
-            (fixed[k, 0], fixed[k, 1], fixed[k, 2]),
-            (normals[k, 0], normals[k, 1], normals[k, 2]),
-            cutoff,
-            J,
-            H,
-            g,
-        )
-        any_weight = any_weight or has_weight
-    return any_weight
+        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
+        d = (feet[k, 0] - px) * nx + (feet[k, 1] - py) * ny + (feet[k, 2] - pz) * nz
+        u = (d / cutoff) ** 2
+        if u < 1.0:
+            w = (1.0 - u) * (1.0 - u)
+            J[0] = py * nz - pz * ny
+            J[1] = pz * nx - px * nz
+            J[2] = px * ny - py * nx
+            J[3], J[4], J[5] = nx, ny, nz
+            for r in range(6):
+                wr = w * J[r]
+                g[r] += wr * d
+                for c in range(6):
+                    H[r, c] += wr * J[c]
 
 
 @njit("void(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, error_model="numpy")
@@ -107,13 +110,14 @@ def solve_allowed(H, g, allowed):
 
 
 @njit(
-    f"void(float64[:, :, ::1], {MOVING}, {PLANES}, {CELLS}, {SCHEDULE}, float64[:, ::1])",
+    f"Tuple((int64[::1], boolean[::1]))(float64[:, :, ::1], {MOVING}, {PLANES}, {CELLS},"
+    f" {SCHEDULE}, float64[:, ::1])",
     cache=True,
     parallel=True,
     error_model="numpy",
 )
 def descend_on_planes(poses, moving, planes, cells, schedule, allowed):
-    """Move poses (K, 4, 4) in place by Gauss-Newton steps of the robust point-to-plane sum.
+    """Move poses (K, 4, 4) in place by Gauss-Newton steps.
 
     Parameters
     ----------
@@ -129,22 +133,24 @@ def descend_on_planes(poses, moving, planes, cells, schedule, allowed):
         Rounds of steps, as `SCHEDULE`; a round ends with a step below its tolerance.
     allowed
         (6, 6) projector on the small motions that are allowed.
+
+    Returns
+    -------
+    (K,) steps taken, and (K,) whether the last round ended.
     """
     cutoffs, tolerances, max_steps = schedule
-    for k in prange(poses.shape[0]):
-        T, moved = poses[k], np.empty(3, np.float32)
-        nearest = np.full(moving[0].shape[0], np.int32(-1))
+    steps = np.zeros(len(poses), np.int64)
+    has_ended = np.zeros(len(poses), np.bool_)
+    for k in prange(len(poses)):
+        nearest = np.full(len(moving[0]), np.int32(-1))
         H, g = np.empty((6, 6)), np.empty(6)
-        steps = 0
-        for stage in range(cutoffs.shape[0]):
-            step = np.inf
-            while step >= tolerances[stage] and steps < max_steps:
-                H[:], g[:] = 0.0, 0.0
-                steps += 1
-                if not add_equations(
-                    T, moved, H, g, nearest, moving, planes, cells, cutoffs[stage]
-                ):
-                    break
-                solve_allowed(H, g, allowed)
-                update_pose(T, g)
-                step = np.abs(g).max()
+        stage = 0
+        while stage < len(cutoffs) and steps[k] < max_steps:
+            sum_equations(poses[k], H, g, nearest, moving, planes, cells, cutoffs[stage])
+            solve_allowed(H, g, allowed)
+            update_pose(poses[k], g)
+            steps[k] += 1
+            if np.abs(g).max() < tolerances[stage]:
+                stage += 1
+        has_ended[k] = stage == len(cutoffs)
+    return steps, has_ended

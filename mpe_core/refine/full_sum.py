@@ -84,6 +84,10 @@ class FullSum:
         gain = self._on_surface_fraction(planar.T) - self._on_surface_fraction(minimum.T)
         return planar if gain > MIN_ON_SURFACE_GAIN else minimum
 
+    def refine_all(self, poses: Array) -> list[Minimum]:
+        """Find the minimum next to each of the poses (K, 4, 4)."""
+        return [self.refine(T) for T in poses]
+
     def settle(self, minimum: Minimum) -> Minimum:
         """Go on to the minimum from where a refinement by planes ran out of steps."""
         return minimum if minimum.criterion == "full_sum" else self._planes.settle(minimum)

@@ -11,19 +11,14 @@ from numpy.typing import NDArray
 from mpe_core.clouds.preprocess import PreparedCloud, Sample
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points
 from mpe_core.geometry.sampling import take_every
-from mpe_core.kernels.rigid_motion import update_pose
 from mpe_core.options import RegistrationOptions
 from mpe_core.refine import covariance
 from mpe_core.refine.covariance import DERIVATIVE_POINTS, MotionAxes, PoseUncertainty
-from mpe_core.refine.minimum import Criterion, Minimum
+from mpe_core.refine.gauss_newton import minimize_point_to_plane
+from mpe_core.refine.minimum import Minimum
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.small_features import is_held
-from mpe_core.refine.target_planes import (
-    Correspondences,
-    TargetPlanes,
-    match_planes,
-    schedule,
-)
+from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
 
 Array = NDArray[np.float64]
 
@@ -94,14 +89,18 @@ class PointToPlane:
 
     def refine(self, T: Array) -> Minimum:
         """Come near the minimum next to the pose T, of the smoothed clouds if these fit better."""
-        return self._refine(T, min(MAX_STEPS, self._max_iterations))
+        return self.refine_all(T[None])[0]
+
+    def refine_all(self, poses: Array) -> list[Minimum]:
+        """Come near the minimum next to each of the poses (K, 4, 4), as `refine` does."""
+        return self._refine(poses, min(MAX_STEPS, self._max_iterations))
 
     def settle(self, minimum: Minimum) -> Minimum:
         """Go on to the minimum from where a refinement ran out of steps."""
         left = self._max_iterations - minimum.iterations
         if left <= 0:
             return minimum
-        settled = self._refine(minimum.T, left)
+        (settled,) = self._refine(minimum.T[None], left)
         return replace(settled, iterations=minimum.iterations + settled.iterations)
 
     def sharpen(self, minimum: Minimum) -> Minimum:
@@ -115,8 +114,8 @@ class PointToPlane:
             return minimum
         sample = Sample(self._moving.coarse_points(SHARP_POINTS), None)
         planes = TargetPlanes(self._fixed.fine, self._fixed.surface.spacing, width=SHARP_WIDTH)
-        found = minimize_point_to_plane(
-            sample, planes, minimum.T, self._motion_basis, left, is_near=True
+        (found,) = minimize_point_to_plane(
+            sample, planes, minimum.T[None], self._motion_basis, left, is_near=True
         )
         return replace(found, iterations=minimum.iterations + found.iterations)
 
@@ -141,8 +140,8 @@ class PointToPlane:
 
     def refine_shortly(self, poses: Array) -> Array:
         """(K, 4, 4) poses that a subset of the sample reaches in a few steps from others."""
-        allowed = self._motion_basis @ np.linalg.pinv(self._motion_basis)
-        return self._planes.descend(poses, self._subset, PRESELECT_STEPS, allowed)
+        minima = self._minimize(self._subset, poses, PRESELECT_STEPS)
+        return np.array([minimum.T for minimum in minima])
 
     def match_subset(self, T: Array) -> Correspondences:
         """Match a subset of the sample at the pose T with the planes."""
@@ -174,17 +173,23 @@ class PointToPlane:
             np.bool_,
         )
 
-    def _refine(self, T: Array, max_steps: int) -> Minimum:
-        minimum = self._minimize(self._sample, T, max_steps)
-        if self._may_smooth and self._fits_better_smoothed(minimum.T):
-            minimum = self._minimize(self._smoothed_sample, minimum.T, max_steps, smooth=True)
-        return minimum
+    def _refine(self, poses: Array, max_steps: int) -> list[Minimum]:
+        minima = self._minimize(self._sample, poses, max_steps)
+        if not self._may_smooth:
+            return minima
+        rows = [row for row, each in enumerate(minima) if self._fits_better_smoothed(each.T)]
+        if rows:
+            starts = np.array([minima[row].T for row in rows])
+            found = self._minimize(self._smoothed_sample, starts, max_steps, smooth=True)
+            for row, minimum in zip(rows, found, strict=True):
+                minima[row] = minimum
+        return minima
 
     def _minimize(
-        self, sample: Sample, T: Array, max_steps: int, *, smooth: bool = False
-    ) -> Minimum:
+        self, sample: Sample, poses: Array, max_steps: int, *, smooth: bool = False
+    ) -> list[Minimum]:
         return minimize_point_to_plane(
-            sample, self._planes, T, self._motion_basis, max_steps, smooth=smooth
+            sample, self._planes, poses, self._motion_basis, max_steps, smooth=smooth
         )
 
     def _fits_better_smoothed(self, T: Array) -> bool:
@@ -218,53 +223,3 @@ class PointToPlane:
         return covariance.surface_information(
             self._subset, normals, self._planes, T, self._motion_basis
         )
-
-
-def minimize_point_to_plane(
-    sample: Sample,
-    target: TargetPlanes,
-    T: Array,
-    motion_basis: Array,
-    max_steps: int,
-    *,
-    smooth: bool = False,
-    is_near: bool = False,
-) -> Minimum:
-    """Minimise sum_i rho(n_i*.(y_i* - (R x_i + t))) from the pose T by Gauss-Newton steps.
-
-    y_i* is the nearest point of the target, n_i* the normal there and rho Tukey's biweight (Chen
-    and Medioni 1991; robust loss after Babin et al. 2019).
-
-    Parameters
-    ----------
-    sample
-        Points x_i of the moving cloud.
-    target
-        Planes of the fixed cloud.
-    T
-        (4, 4) start.
-    motion_basis
-        (6, K) basis of the small motions that are allowed.
-    max_steps
-        Bound on the steps.
-    smooth
-        Whether the planes are taken as fitted; otherwise each is moved to its point.
-    is_near
-        Whether the start is near the minimum; otherwise the first steps have a wider cut-off.
-    """
-    iterations = 0
-    for cutoff, tolerance in schedule(target.cutoff)[is_near:]:
-        converged = False
-        while not converged and iterations < max_steps:
-            H, g = match_planes(sample, target, T, smooth=smooth).normal_equations(cutoff)
-            iterations += 1
-            # a share of the trace holds the directions in which the surface slides on itself
-            H += (1e-9 * np.trace(H) + 1e-30) * np.eye(6)
-            step = motion_basis @ np.linalg.solve(
-                motion_basis.T @ H @ motion_basis, motion_basis.T @ g
-            )
-            T = T.copy()
-            update_pose(T, step)
-            converged = bool(np.abs(step).max() < tolerance)
-    criterion: Criterion = "smoothed_point_to_plane" if smooth else "point_to_plane"
-    return Minimum(T, converged, iterations, criterion)

@@ -17,6 +17,9 @@ class Refiner(Protocol):
     def refine(self, T: NDArray[np.float64]) -> Minimum:
         """Find the minimum next to the pose T (4, 4), or come near it."""
 
+    def refine_all(self, poses: NDArray[np.float64]) -> list[Minimum]:
+        """Find the minimum next to each of the poses (K, 4, 4), or come near it."""
+
     def settle(self, minimum: Minimum) -> Minimum:
         """Go on to the minimum from where a refinement ran out of steps."""
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mpe_core.clouds.preprocess import Sample
 from mpe_core.geometry.cell_list import CellList
 from mpe_core.kernels.rigid_motion import update_pose
+from mpe_core.refine.gauss_newton import minimize_point_to_plane
 from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
 
 Array = NDArray[np.float64]
@@ -71,11 +72,8 @@ def _match_beside(
     """Match at the pose moved by the motion (6,), and refined in the other motions (6, K)."""
     T = T.copy()
     update_pose(T, motion)
-    for _ in range(REFINE_STEPS):
-        H, g = match_planes(sample, planes, T).normal_equations(planes.cutoff)
-        H += (1e-9 * np.trace(H) + 1e-30) * np.eye(6)
-        update_pose(T, others @ np.linalg.solve(others.T @ H @ others, others.T @ g))
-    return match_planes(sample, planes, T)
+    (found,) = minimize_point_to_plane(sample, planes, T[None], others, REFINE_STEPS, is_near=True)
+    return match_planes(sample, planes, found.T)
 
 
 def _rise(here: Correspondences, there: Correspondences, cutoff: float) -> Array:

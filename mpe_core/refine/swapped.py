@@ -49,6 +49,11 @@ class SwappedPointToPlane:
         """Find the minimum next to the pose T."""
         return self._inner.refine(inverse(T)).inverse()
 
+    def refine_all(self, poses: Array) -> list[Minimum]:
+        """Find the minimum next to each of the poses (K, 4, 4)."""
+        minima = self._inner.refine_all(np.array([inverse(T) for T in poses]))
+        return [minimum.inverse() for minimum in minima]
+
     def settle(self, minimum: Minimum) -> Minimum:
         """Go on to the minimum from where a refinement ran out of steps."""
         return self._inner.settle(minimum.inverse()).inverse()

@@ -12,9 +12,6 @@ from mpe_core.clouds.surface import orient_normals
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply
 from mpe_core.geometry.sampling import take_every
-from mpe_core.kernels.plane_descent import descend_on_planes
-from mpe_core.kernels.plane_equations import plane_equations
-from mpe_core.refine.minimum import STEP_TOL
 
 Array = NDArray[np.float64]
 
@@ -26,22 +23,8 @@ TUKEY_CUTOFF, TUKEY_CUTOFF_SPACINGS, TUKEY_CUTOFF_NOISES = 0.007, 0.45, 3.0
 """Cut-off of Tukey's biweight in the same units. Smaller ones lose accuracy on LiDAR and in rooms,
 larger ones on clean scans (docs/tuning.md)."""
 
-FIRST_CUTOFF_FACTOR = 3.0
-"""Cut-off of the first steps, which bring the pose near, over that of the last ones."""
-
-FIRST_STEP_TOL_FACTOR = 20.0
-"""Step that ends the first steps over the one that ends the last ones."""
-
 SPACING_SUBSET_POINTS = 1000
 """Points of which the neighbours are counted to estimate the spacing."""
-
-
-def schedule(cutoff: float) -> list[tuple[float, float]]:
-    """Return the rounds of steps towards a minimum: their cut-offs, and the steps that end them."""
-    return [
-        (FIRST_CUTOFF_FACTOR * cutoff, FIRST_STEP_TOL_FACTOR * STEP_TOL),
-        (cutoff, STEP_TOL),
-    ]
 
 
 class TargetPlanes:
@@ -105,39 +88,20 @@ class TargetPlanes:
         self._fit(np.unique(rows[~self._is_fitted[rows]]))
         return self._feet[rows], self._normals[rows], self._variation[rows]
 
-    def descend(self, poses: Array, sample: Sample, max_steps: int, allowed: Array) -> Array:
-        """Move many poses (K, 4, 4) of a sample a few steps towards their minima.
-
-        The function is that of `minimize_point_to_plane`.
+    def all_planes(self, *, smooth: bool) -> tuple[Points, Points]:
+        """Planes at all rows of `cells.points`.
 
         Parameters
         ----------
-        poses
-            (K, 4, 4) starts.
-        sample
-            Points of the moving cloud.
-        max_steps
-            Bound on the steps of each pose.
-        allowed
-            (6, 6) projector on the small motions that are allowed.
+        smooth
+            Whether the planes are taken as fitted; otherwise each is moved to its point.
 
         Returns
         -------
-        (K, 4, 4) the poses reached.
+        A point (M, 3) of each plane and the unit normals (M, 3), as those of `planes_at`.
         """
         self._fit(np.flatnonzero(~self._is_fitted))  # together, all take as long as some of them
-        ends = np.array(poses, np.float64, order="C")
-        outward = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
-        cutoffs, tolerances = zip(*schedule(self.cutoff), strict=True)
-        descend_on_planes(
-            ends,
-            (sample.points, outward),
-            (self.cells.points, self._normals, self.cells.reach),
-            self.cells.arrays,
-            (np.array(cutoffs, np.float32), np.array(tolerances), max_steps),
-            allowed,
-        )
-        return ends
+        return self._feet if smooth else self.cells.points, self._normals
 
     def _fit(self, rows: NDArray[np.integer]) -> None:
         """Fit the planes at the rows of `cells.points`."""
@@ -203,13 +167,6 @@ class Correspondences:
         """Root mean square of the residuals under Tukey's weights."""
         weight, r = self.tukey_weights(cutoff), self.residuals().astype(np.float64)
         return float(np.sqrt((weight * r**2).sum() / max(weight.sum(), 1e-30)))
-
-    def normal_equations(self, cutoff: float) -> tuple[Array, Array]:
-        """Compute the matrix (6, 6) and the right side (6,) of a Gauss-Newton step."""
-        H, g = plane_equations(
-            self.moved, self.points, self.normals, self.valid, np.float32(cutoff)
-        )
-        return H.sum(axis=0), g.sum(axis=0)
 
 
 def match_planes(

@@ -1,0 +1,71 @@
+"""Descent of poses on the robust point-to-plane sum."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpe_core.clouds.preprocess import Sample
+from mpe_core.kernels.plane_descent import descend_on_planes
+from mpe_core.refine.minimum import STEP_TOL, Criterion, Minimum
+from mpe_core.refine.target_planes import TargetPlanes
+
+Array = NDArray[np.float64]
+
+FIRST_CUTOFF_FACTOR = 3.0
+"""Cut-off of the first steps, which bring the pose near, over that of the last ones."""
+
+FIRST_STEP_TOL_FACTOR = 20.0
+"""Step that ends the first steps over the one that ends the last ones."""
+
+
+def minimize_point_to_plane(
+    sample: Sample,
+    target: TargetPlanes,
+    poses: Array,
+    motion_basis: Array,
+    max_steps: int,
+    *,
+    smooth: bool = False,
+    is_near: bool = False,
+) -> list[Minimum]:
+    """Minimise sum_i rho(n_i*.(y_i* - (R x_i + t))) from each of the poses by Gauss-Newton steps.
+
+    y_i* is the nearest point of the target, n_i* the normal there and rho Tukey's biweight (Chen
+    and Medioni 1991; robust loss after Babin et al. 2019).
+
+    Parameters
+    ----------
+    sample
+        Points x_i of the moving cloud.
+    target
+        Planes of the fixed cloud.
+    poses
+        (K, 4, 4) starts.
+    motion_basis
+        (6, M) basis of the small motions that are allowed.
+    max_steps
+        Bound on the steps of each pose.
+    smooth
+        Whether the planes are taken as fitted; otherwise each is moved to its point.
+    is_near
+        Whether the starts are near the minima; otherwise the first steps have a wider cut-off.
+    """
+    ends = np.array(poses, np.float64, order="C")
+    outward = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
+    feet, normals = target.all_planes(smooth=smooth)
+    cutoffs = np.array([FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff], np.float32)
+    tolerances = np.array([FIRST_STEP_TOL_FACTOR * STEP_TOL, STEP_TOL])
+    steps, converged = descend_on_planes(
+        ends,
+        (sample.points, outward),
+        (feet, normals, target.cells.reach),
+        target.cells.arrays,
+        (cutoffs[is_near:], tolerances[is_near:], max_steps),
+        motion_basis @ np.linalg.pinv(motion_basis),
+    )
+    criterion: Criterion = "smoothed_point_to_plane" if smooth else "point_to_plane"
+    return [
+        Minimum(T, bool(has_ended), int(taken), criterion)
+        for T, has_ended, taken in zip(ends, converged, steps, strict=True)
+    ]

@@ -1,0 +1,123 @@
+"""Normal equations of the robust point-to-plane sum, by its derivatives, and steps with them."""
+
+import numpy as np
+import pytest
+
+from mpe_core.geometry.cell_list import CellList
+from mpe_core.kernels.plane_descent import descend_on_planes, solve_allowed, sum_equations
+
+CUTOFF, REACH = 0.2, 0.5
+
+
+@pytest.fixture(scope="module")
+def fixed():
+    """Cell list of points, with a unit normal each."""
+    rng = np.random.default_rng(0)
+    cells = CellList(rng.normal(size=(2000, 3)).astype(np.float32), REACH)
+    normals = rng.normal(size=(2000, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return cells, normals.astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def moving():
+    """Points, some of which are out of reach, and their outward normals."""
+    rng = np.random.default_rng(1)
+    points, outward = rng.normal(0, 1.5, (600, 3)), rng.normal(size=(600, 3))
+    return points.astype(np.float32), outward.astype(np.float32)
+
+
+def total(fixed, moving, T=None, nearest=None):
+    cells, normals = fixed
+    H, g = np.empty((6, 6)), np.empty(6)
+    sum_equations(
+        np.eye(4) if T is None else T,
+        H,
+        g,
+        np.full(len(moving[0]), -1, np.int32) if nearest is None else nearest,
+        moving,
+        (cells.points, normals, cells.reach),
+        cells.arrays,
+        np.float32(CUTOFF),
+    )
+    return H, g
+
+
+def match(fixed, moving):
+    """Points (n, 3) that have a plane, its point (n, 3) and its normal (n, 3), by trying all."""
+    cells, normals = fixed
+    points, outward = moving
+    distances = np.linalg.norm(points[:, None] - cells.points, axis=2)
+    k = distances.argmin(axis=1)
+    near = distances.min(axis=1) < cells.reach
+    if len(outward):
+        near &= np.einsum("ni,ni->n", normals[k], outward) >= 0
+    assert 50 < near.sum() < len(points) - 50
+    return (a[near].astype(float) for a in (points, cells.points[k], normals[k]))
+
+
+def test_they_are_the_weighted_sums_over_the_points_that_face_their_plane(fixed, moving):
+    points, nearest, normals = match(fixed, moving)
+    d = np.einsum("ni,ni->n", nearest - points, normals)
+    w = np.where(np.abs(d) < CUTOFF, (1 - (d / CUTOFF) ** 2) ** 2, 0)
+    assert 0 < (w == 0).sum() < len(w)
+    J = np.hstack([np.cross(points, normals), normals])
+    H, g = total(fixed, moving)
+    np.testing.assert_allclose(H, J.T @ (w[:, None] * J), rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(g, J.T @ (w * d), rtol=1e-4, atol=1e-3)
+
+
+def test_the_right_side_is_the_slope_of_tukeys_biweight(fixed, moving):
+    points, nearest, normals = match(fixed, (moving[0], moving[1][:0]))
+
+    def cost(step):
+        moved = points + np.cross(step[:3], points) + step[3:]
+        u = np.minimum((np.einsum("ni,ni->n", nearest - moved, normals) / CUTOFF) ** 2, 1)
+        return (CUTOFF**2 / 6 * (1 - (1 - u) ** 3)).sum()
+
+    _, g = total(fixed, (moving[0], moving[1][:0]))
+    h = 1e-4
+    slope = [(cost(h * e) - cost(-h * e)) / (2 * h) for e in np.eye(6)]
+    np.testing.assert_allclose(-g, slope, rtol=1e-3, atol=1e-3)
+
+
+def test_the_columns_of_the_last_step_change_nothing_but_time(fixed, moving):
+    nearest = np.full(len(moving[0]), -1, np.int32)
+    T = np.eye(4)
+    T[:3, 3] = 0.02
+    total(fixed, moving, nearest=nearest)
+    assert (nearest >= 0).any()
+    np.testing.assert_array_equal(total(fixed, moving, T, nearest)[0], total(fixed, moving, T)[0])
+
+
+def test_a_step_keeps_to_the_allowed_motions(fixed, moving):
+    basis = np.linalg.qr(np.random.default_rng(2).normal(size=(6, 3)))[0]
+    H, g = total(fixed, moving)
+    expected = basis @ np.linalg.solve(basis.T @ H @ basis, basis.T @ g)
+    solve_allowed(H, g, basis @ basis.T)
+    np.testing.assert_allclose(g, expected, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("max_steps", [3, 50])
+def test_steps_are_counted_and_end_with_the_last_round(max_steps):
+    """A curved sheet, off by less than the cut-off, comes back to where it lay."""
+    x, y = np.random.default_rng(3).uniform(-1, 1, (2, 3000))
+    sheet = np.column_stack([x, y, 0.3 * np.sin(3 * x + y) + 0.2 * x * y]).astype(np.float32)
+    cells = CellList(sheet, 0.15)
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, :3, 3] = [[0.01, 0, 0.03], [0.02, -0.02, 0]]
+    steps, has_ended = descend_on_planes(
+        poses,
+        (cells.points, np.empty((0, 3), np.float32)),
+        (cells.points, cells.planes(cells.points).normals, cells.reach),
+        cells.arrays,
+        (np.array([0.1, 0.05], np.float32), np.array([1e-3, 1e-6]), max_steps),
+        np.eye(6),
+    )
+    if max_steps == 3:
+        assert not has_ended.any()
+        assert (steps == max_steps).all()
+    else:
+        assert has_ended.all()
+        assert (steps < max_steps).all()
+        np.testing.assert_allclose(poses, np.tile(np.eye(4), (2, 1, 1)), atol=1e-5)
