@@ -137,7 +137,7 @@ def search_trial(
     progress: Progress,
     levels: Sequence[SearchLevel],
 ) -> Trial:
-    """Find the best rigid pose, as `register_rigidly` does, without an exact end or a description."""
+    """Find the best rigid pose, neither brought to its exact end nor described."""
     pair, pipeline = _prepare(source, target, options, progress, is_trial=True)
     best = _find_poses(pipeline, pair, options, progress, levels)[0]
     return Trial(best, pipeline, pair)
