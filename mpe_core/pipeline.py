@@ -56,7 +56,7 @@ MAX_REFINED = 8
 some of their points (docs/tuning.md)."""
 
 REFINED_TOGETHER = 2
-"""Candidates that are refined together until one convinces."""
+"""Candidates that are refined together until one convinces (docs/tuning.md)."""
 
 MAX_SCORE_GAP = 3.0
 """Score by which a candidate may fall short of the best one after the short refinement and still be

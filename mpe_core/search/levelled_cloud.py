@@ -14,10 +14,11 @@ from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import rotation_between
 from mpe_core.geometry.sampling import take_every
 from mpe_core.geometry.viewpoints import nearest_viewpoint
+from mpe_core.kernels.layer_shifts import EVERY_LAYER, grow_cells, mark_cells
 from mpe_core.kernels.ray_cells import count_crossings
 
 Array = NDArray[np.float64]
-Grid = NDArray[np.bool_]
+Grid = NDArray[np.uint8]
 Layers = NDArray[np.int64]
 
 CELL_SIZE = 0.02
@@ -110,14 +111,21 @@ class LevelledCloud:
         return float(np.sqrt(np.square(self.xy - self.centre).sum(axis=1).max()))
 
     @cached_property
-    def _standing(self) -> tuple[Array, Layers]:
+    def standing(self) -> tuple[Array, Layers]:
         """Positions (K, 2) and layers (K,) of the points that lie in a layer."""
         standing = (self.layer >= 0) & (self.layer < LAYERS)
         return self.xy[standing], self.layer[standing]
 
+    @property
+    def showing(self) -> tuple[Array, Layers]:
+        """Positions (M, 2) and layers (M,) of what shows that cells without points are clear."""
+        if self.free_xy is None or self.free_layer is None:
+            return self.xy, np.full(len(self.xy), EVERY_LAYER)
+        return self.free_xy, self.free_layer
+
     def count_occupied(self) -> int:
         """Count the cells of all layers that hold points."""
-        xy, layer = self._standing
+        xy, layer = self.standing
         cells = np.floor(xy / CELL_SIZE).astype(np.int64)
         cells -= cells.min(axis=0, initial=0)
         width, height = cells.max(axis=0, initial=0) + 1
@@ -136,26 +144,20 @@ class LevelledCloud:
             Edge of a cell.
         """
 
-        def drawn(xy: Array, layer: Layers | int, layers: int = LAYERS) -> Grid:
-            grid = np.zeros((layers, cells * cells), np.bool_)
-            x, y = ((A[k] @ xy.T + b[k]) / cell_size for k in range(2))
-            inside = (x >= 0) & (x < cells) & (y >= 0) & (y < cells)
-            number = x.astype(np.int64) * cells + y.astype(np.int64)
-            grid[layer if isinstance(layer, int) else layer[inside], number[inside]] = True
-            return grid.reshape(layers, cells, cells)
+        def drawn(xy: Array, layer: Layers) -> Grid:
+            grid = np.zeros((LAYERS, cells, cells), np.uint8)
+            mark_cells(xy, layer, A / cell_size, b / cell_size, grid)
+            return grid
 
-        occupied = drawn(*self._standing)
-        grown = _grow(occupied)
-        if self.free_xy is None or self.free_layer is None:
-            shown = drawn(self.xy, 0, 1)
-        else:
-            shown = drawn(self.free_xy, self.free_layer)
-        return OccupancyGrids(occupied, grown, shown & ~grown)
+        occupied = drawn(*self.standing)
+        grown = np.zeros_like(occupied)
+        grow_cells(occupied, grown)
+        return OccupancyGrids(occupied, grown, drawn(*self.showing) & ~grown)
 
 
 @dataclass(frozen=True, slots=True)
 class OccupancyGrids:
-    """Grids (LAYERS, n, n) of a cloud seen from above."""
+    """Grids (LAYERS, n, n) of a cloud seen from above; marked cells are 1."""
 
     occupied: Grid
     """Cells with points."""
@@ -243,15 +245,4 @@ def _follow_rays(levelled: Array, viewpoints: Array, heights: _LocalGround) -> t
         starts, offset, ranges, steps, CELL_SIZE, heights.table, LAYER_EDGES, low, counts
     )
     layer, *place = np.nonzero(counts >= MIN_RAY_SAMPLES)
-    return (np.stack(place, axis=1) + low + 0.5) * CELL_SIZE, layer
-
-
-def _grow(grid: Grid) -> Grid:
-    """Each layer with the eight neighbours of its cells."""
-    grown = grid.copy()
-    grown[:, 1:] |= grid[:, :-1]
-    grown[:, :-1] |= grid[:, 1:]
-    wide = grown.copy()
-    wide[:, :, 1:] |= grown[:, :, :-1]
-    wide[:, :, :-1] |= grown[:, :, 1:]
-    return wide
+    return (np.stack(place, axis=1) + low + 0.5) * CELL_SIZE, np.ascontiguousarray(layer)

@@ -2,9 +2,9 @@
 
 Two scans that show one ground are seen from above, as occupancy grids (Moravec and Elfes 1985) at a
 few heights over the ground. A cell is occupied if points lie in it, and clear if the scan shows a
-surface there but nothing at that height. For each turn, cross-correlation by FFT counts for all
-shifts at once how many occupied cells meet occupied ones, and how many meet clear ones, first in
-coarse cells, then in fine ones at the best turns:
+surface there but nothing at that height. For each turn it is counted for all shifts how many
+occupied cells meet occupied ones or their neighbours, and how many meet clear ones, first in coarse
+cells, then in fine ones around the best turns and shifts:
 
     score(turn, shift) = matches - conflict_weight * conflicts
 
@@ -15,16 +15,13 @@ that does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from mpe_core.geometry.rigid import pose
+from mpe_core.kernels.layer_shifts import find_shifts, list_cells
 from mpe_core.progress import FractionCallback
-from mpe_core.search.levelled_cloud import CELL_SIZE, Grid, LevelledCloud
+from mpe_core.search.levelled_cloud import CELL_SIZE, LevelledCloud
 from mpe_core.search.pose_search import Candidates
 
 Array = NDArray[np.float64]
@@ -46,20 +43,15 @@ COARSE_CELLS, TURNS_KEPT = 2, 24
 """Cells of a first pass over those of the second one, and turns of each weight that it leaves for
 that (docs/tuning.md)."""
 
-SHIFTS_PER_TURN = 4
-"""Peaks that are taken for each turn and each weight."""
+SHIFTS_PER_TURN = 12
+"""Coarse peaks that are taken for each turn and each weight (docs/tuning.md)."""
 
-PEAK_RADIUS = 3
+PEAK_RADIUS = 2
 """Cells around a peak in which no other is taken."""
 
-
-@dataclass(frozen=True, slots=True)
-class _Peak:
-    """Turn and shift (2,) whose score is the highest around."""
-
-    score: float
-    turn: float
-    shift: Array
+WINDOW = 3
+"""Fine cells to each side of a coarse peak among which the best one is looked for: one and a half
+coarse cells."""
 
 
 def find_levelled_poses(
@@ -82,91 +74,94 @@ def find_levelled_poses(
         Poses that lay the grounds on each other, the best first, with their scores over the best
         one of the same weight.
     """
-    width = 2 * MAX_SHIFT_SHARE * (source.radius + target.radius)
-    size = max(CELL_SIZE, width / MAX_GRID_CELLS)
+    reach = MAX_SHIFT_SHARE * (source.radius + target.radius)
+    size = max(CELL_SIZE, 2 * reach / MAX_GRID_CELLS)
     turns = np.radians(np.arange(0.0, 360.0, TURN_STEP_DEG))
-    coarse = _find_peaks(
-        _Correlation(source, target, width, COARSE_CELLS * size),
+    coarse = _Counter(source, target, COARSE_CELLS * size, reach)
+    coarse_scores, coarse_shifts = coarse.find(
         turns,
-        lambda share: report(share / 2),
+        np.arange(len(turns) + 1),
+        np.zeros((len(turns), 2), np.int64),
+        int(np.ceil(reach / coarse.size)),
+        SHIFTS_PER_TURN,
     )
-    peaks = _find_peaks(
-        _Correlation(source, target, width, size),
-        np.unique([_best_turns(found) for found in coarse]),
-        lambda share: report(0.5 + share / 2),
+    report(0.5)
+    chosen = _best_turns(coarse_scores)
+    # both weights often have the same peaks
+    centres = [np.unique(coarse_shifts[turn].reshape(-1, 2), axis=0) for turn in chosen]
+    starts = np.concatenate([[0], np.cumsum([len(each) for each in centres])])
+    turn_of_window = np.repeat(turns[chosen], np.diff(starts))
+    scores, shifts = _Counter(source, target, size, reach).find(
+        turns[chosen], starts, COARSE_CELLS * np.concatenate(centres), WINDOW, 1
     )
-    poses, scores = [], []
-    for found in peaks:
-        best = max(found[0].score, 1e-9)
-        for peak in found[:count]:
-            if peak.score > 0:
-                poses.append(_pose(source, target, peak.turn, peak.shift))
-                scores.append(peak.score / best)
-    order = np.argsort(-np.array(scores), kind="stable")
-    return Candidates(np.array(poses).reshape(-1, 4, 4)[order], np.array(scores, np.float32)[order])
+    poses, relative = [], []
+    for kind in range(len(CONFLICT_WEIGHTS)):
+        found = scores[:, kind, 0]
+        for window in np.argsort(-found, kind="stable")[:count]:
+            if found[window] > 0:
+                shift = size * shifts[window, kind, 0]
+                poses.append(_pose(source, target, turn_of_window[window], shift))
+                relative.append(found[window] / found.max())
+    order = np.argsort(-np.array(relative), kind="stable")
+    return Candidates(
+        np.array(poses).reshape(-1, 4, 4)[order], np.array(relative, np.float32)[order]
+    )
 
 
-class _Correlation:
-    """Matches and conflicts of all shifts of the source over the target, in cells of one size."""
+class _Counter:
+    """Counts matches and conflicts of the source over the target, in cells of one size."""
 
     def __init__(
-        self, source: LevelledCloud, target: LevelledCloud, width: float, size: float
+        self, source: LevelledCloud, target: LevelledCloud, size: float, reach: float
     ) -> None:
-        """Draw the target into grids at least `width` wide, of cells of edge `size`."""
-        self._source, self.size = source, size
-        self._cells = fft.next_fast_len(int(np.ceil(width / size)) + 4, real=True)
-        self._middle = np.full(2, self._cells * size / 2)
-        fixed = target.draw(np.eye(2), self._middle - target.centre, self._cells, size)
-        self._grown, self._clear, self._occupied = (
-            np.conj(_transform(grid)) for grid in (fixed.grown, fixed.clear, fixed.occupied)
+        """Draw the target in cells of edge `size`; what shows clear cells counts up to `reach`."""
+        self.size, self._source_cells = size, _cells_around(source, size, reach)
+        cells = _cells_around(target, size, reach)
+        grids = target.draw(np.eye(2), np.full(2, cells // 2 * size) - target.centre, cells, size)
+        self._target = grids.grown, grids.clear, list_cells(grids.occupied)
+        standing, showing = source.standing, source.showing
+        self._source = (
+            standing[0] - source.centre,
+            standing[1],
+            showing[0] - source.centre,
+            showing[1],
         )
 
-    def count(self, turn: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(n, n) matches and (n, n) conflicts at each shift of the turned source."""
-        R = _turn(turn)
-        shift = self._middle - R @ self._source.centre
-        moving = self._source.draw(R, shift, self._cells, self.size)
-        occupied, clear = _transform(moving.occupied), _transform(moving.clear)
-        matches = _correlate(occupied * self._grown, self._cells)
-        conflicts = occupied * self._clear + clear * self._occupied
-        return matches, _correlate(conflicts, self._cells)
+    def find(
+        self,
+        turns: Array,
+        starts: NDArray[np.int64],
+        centres: NDArray[np.int64],
+        half_width: int,
+        peaks: int,
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Find the best shifts in windows of shifts, see `find_shifts`."""
+        scores, shifts = find_shifts(
+            turns,
+            starts,
+            np.ascontiguousarray(centres),
+            half_width,
+            self._source,
+            self._source_cells,
+            self.size,
+            self._target,
+            np.array(CONFLICT_WEIGHTS),
+            peaks,
+            PEAK_RADIUS,
+        )
+        return scores, shifts
 
 
-def _find_peaks(
-    correlation: _Correlation, turns: Array, report: FractionCallback
-) -> list[list[_Peak]]:
-    """Peaks of each of CONFLICT_WEIGHTS at the turns, the best first."""
-    peaks: list[list[_Peak]] = [[] for _ in CONFLICT_WEIGHTS]
-    for done, turn in enumerate(turns):
-        report(done / len(turns))
-        matches, conflicts = correlation.count(turn)
-        for found, weight in zip(peaks, CONFLICT_WEIGHTS, strict=True):
-            found += [
-                _Peak(score, turn, correlation.size * steps)
-                for score, steps in _peaks(matches - weight * conflicts)
-            ]
-    for found in peaks:
-        found.sort(key=lambda peak: -peak.score)
-    return peaks
+def _cells_around(cloud: LevelledCloud, size: float, reach: float) -> int:
+    """Cells along a side of a grid that holds the cloud, however it is turned about its centre."""
+    shown = float(np.sqrt(np.square(cloud.showing[0] - cloud.centre).sum(axis=1).max(initial=0)))
+    return 2 * (int(np.ceil(max(cloud.radius, min(shown, reach)) / size)) + 1)
 
 
-def _best_turns(peaks: list[_Peak]) -> list[float]:
-    """Return the turns of the best peaks."""
-    return list(dict.fromkeys(peak.turn for peak in peaks))[:TURNS_KEPT]
-
-
-def _peaks(score: NDArray[np.float32]) -> list[tuple[float, Array]]:
-    """Highest cells of a correlation (n, n), with the shifts (2,) in cells that they stand for."""
-    cells = len(score)
-    around = np.arange(-PEAK_RADIUS, PEAK_RADIUS + 1)
-    found = []
-    for _ in range(SHIFTS_PER_TURN):
-        row, column = np.unravel_index(int(np.argmax(score)), score.shape)
-        steps = np.array([row, column], np.float64)
-        steps[steps > cells // 2] -= cells
-        found.append((float(score[row, column]), -steps))
-        score[np.ix_((row + around) % cells, (column + around) % cells)] = -np.inf
-    return found
+def _best_turns(scores: Array) -> NDArray[np.int64]:
+    """Return the turns of the best peaks of each weight, by scores (turns, weights, peaks)."""
+    best = np.argsort(-scores[:, :, 0], axis=0, kind="stable")[:TURNS_KEPT]
+    return np.unique(best)
 
 
 def _pose(source: LevelledCloud, target: LevelledCloud, turn: float, shift: Array) -> Array:
@@ -182,16 +177,3 @@ def _pose(source: LevelledCloud, target: LevelledCloud, turn: float, shift: Arra
 def _turn(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
-
-
-def _transform(grid: Grid) -> NDArray[np.complex64]:
-    spectrum = fft.rfft2(grid.astype(np.float32), workers=numba.get_num_threads())
-    return spectrum.astype(np.complex64, copy=False)
-
-
-def _correlate(spectrum: NDArray[np.complex64], cells: int) -> NDArray[np.float32]:
-    """(n, n) cross-correlation, summed over the layers."""
-    summed: NDArray[np.float32] = fft.irfft2(
-        spectrum.sum(axis=0), s=(cells, cells), workers=numba.get_num_threads()
-    )
-    return summed

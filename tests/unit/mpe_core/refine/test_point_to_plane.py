@@ -186,6 +186,11 @@ def test_many_poses_refined_at_once_end_where_each_ends_alone(clouds):
         (alone,) = planes.refine_shortly(start[None])
         assert np.array_equal(end, alone)
         assert rotation_error(end, TRUTH) < 0.3
+    minima = planes.refine_all(starts)
+    for start, minimum in zip(starts, minima, strict=True):
+        alone = planes.refine(start)
+        assert np.array_equal(minimum.T, alone.T)
+        assert (minimum.iterations, minimum.converged) == (alone.iterations, alone.converged)
     swapped = SwappedPointToPlane(refiner(*clouds))
     (back,) = swapped.refine_shortly(np.array([inverse(OFF @ TRUTH)]))
     assert rotation_error(inverse(back), together[1]) < 1e-6

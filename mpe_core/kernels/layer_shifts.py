@@ -1,0 +1,209 @@
+"""Matches and conflicts between two clouds seen from above, at many turns and shifts.
+
+Cells lie in layers. Only occupied ones are counted, which are few:
+
+- `SOURCE`: positions (N, 2) about the centre and layers (N,) of the points that stand in a layer,
+  and of those that show what is clear.
+- `TARGET`: grids (layers, n, n) of the cells that are occupied or beside an occupied one, and of
+  those that are clear, about the centre; and the occupied cells (M, 3), layer first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+MAX_COUNTED = 1500
+"""Occupied cells of either cloud that are counted; of more, every second or third is, which bounds
+the time of forests."""
+
+EVERY_LAYER = -1
+
+CELLS = "uint8[:, :, ::1]"
+SOURCE = "Tuple((float64[:, ::1], int64[::1], float64[:, ::1], int64[::1]))"
+TARGET = f"Tuple(({CELLS}, {CELLS}, int64[:, ::1]))"
+
+
+@njit(f"void(float64[:, ::1], int64[::1], float64[:, ::1], float64[::1], {CELLS})", cache=True)
+def mark_cells(xy, layer, A, b, grid):
+    """Mark the cells of the places A x + b, in cells, of points x (N, 2); those outside are left.
+
+    Parameters
+    ----------
+    xy, layer
+        (N, 2) positions and (N,) layers; EVERY_LAYER marks a cell of all of them.
+    A, b
+        (2, 2) turn over the edge of a cell, and (2,) shift in cells.
+    grid
+        (layers, n, n) cells, which become 1 where a point lies, and are left otherwise.
+    """
+    rows, columns = grid.shape[1], grid.shape[2]
+    for i in range(len(xy)):
+        x = A[0, 0] * xy[i, 0] + A[0, 1] * xy[i, 1] + b[0]
+        y = A[1, 0] * xy[i, 0] + A[1, 1] * xy[i, 1] + b[1]
+        if 0 <= x < rows and 0 <= y < columns:
+            if layer[i] == EVERY_LAYER:
+                grid[:, int(x), int(y)] = 1
+            else:
+                grid[layer[i], int(x), int(y)] = 1
+
+
+@njit(f"void({CELLS}, {CELLS})", cache=True)
+def grow_cells(grid, grown):
+    """Mark in `grown` the cells of each layer that are marked or have a marked neighbour."""
+    layers, rows, columns = grid.shape
+    for a in range(layers):
+        for x in range(rows):
+            for y in range(columns):
+                if grid[a, x, y]:
+                    for i in range(max(x - 1, 0), min(x + 2, rows)):
+                        for j in range(max(y - 1, 0), min(y + 2, columns)):
+                            grown[a, i, j] = 1
+
+
+@njit(f"int64[:, ::1]({CELLS})", cache=True)
+def list_cells(grid):
+    """(K, 3) layers, rows and columns of the marked cells."""
+    count = 0
+    for cell in grid.flat:
+        count += cell
+    found, k = np.empty((count, 3), np.int64), 0
+    for a in range(grid.shape[0]):
+        for x in range(grid.shape[1]):
+            for y in range(grid.shape[2]):
+                if grid[a, x, y]:
+                    found[k] = a, x, y
+                    k += 1
+    return found
+
+
+@njit(
+    f"void(int64[:, ::1], int64, int64, int64, {CELLS}, uint16[:, ::1])",
+    cache=True,
+    error_model="numpy",
+)
+def add_hits(cells, sign, row, column, table, hits):
+    """Count at all shifts of a window how many of the cells (K, 3) meet marked ones of a table.
+
+    At the shift (i, j), a cell (layer, x, y) meets the one at (row + sign x + i,
+    column + sign y + j) of its layer.
+    """
+    rows, columns = table.shape[1], table.shape[2]
+    height, width = hits.shape
+    for k in range(len(cells)):
+        x, y = row + sign * cells[k, 1], column + sign * cells[k, 2]
+        first, last = max(0, -y), min(width, columns - y)
+        if first < last:
+            for i in range(max(0, -x), min(height, rows - x)):
+                met, counted = table[cells[k, 0], x + i, y + first : y + last], hits[i, first:last]
+                for j in range(len(met)):
+                    counted[j] += met[j]
+
+
+@njit(
+    "void(uint16[:, ::1], uint16[:, ::1], float64, int64, float64[::1], int64[:, ::1])", cache=True
+)
+def take_peaks(matches, conflicts, weight, radius, scores, shifts):
+    """Take the shifts (P, 2) with the highest scores (P,), no two within `radius` of each other."""
+    for peak in range(len(scores)):
+        scores[peak] = -np.inf
+        for i in range(matches.shape[0]):
+            for j in range(matches.shape[1]):
+                score = matches[i, j] - weight * conflicts[i, j]
+                if score <= scores[peak]:
+                    continue
+                is_apart = True
+                for other in range(peak):
+                    apart = max(abs(shifts[other, 0] - i), abs(shifts[other, 1] - j))
+                    is_apart = is_apart and apart > radius
+                if is_apart:
+                    scores[peak], shifts[peak, 0], shifts[peak, 1] = score, i, j
+
+
+@njit(
+    f"Tuple((float64[:, :, ::1], int64[:, :, :, ::1]))(float64[::1], int64[::1], int64[:, ::1],"
+    f" int64, {SOURCE}, int64, float64, {TARGET}, float64[::1], int64, int64)",
+    cache=True,
+    parallel=True,
+)
+def find_shifts(
+    turns, starts, centres, half_width, source, source_cells, size, target, weights, peaks, radius
+):
+    """Find the best shifts of the turned source over the target, in windows of shifts.
+
+    Parameters
+    ----------
+    turns
+        (T,) turns of the source about its centre, in radians.
+    starts
+        (T + 1,) bounds of the windows of each turn.
+    centres
+        (W, 2) middle of each window, in cells.
+    half_width
+        Cells of a window to each side of its middle.
+    source
+        Cloud that moves, as `SOURCE`.
+    source_cells
+        Cells along a side of a grid around the source's centre.
+    size
+        Edge of a cell.
+    target
+        Cloud that stays, as `TARGET`.
+    weights
+        (C,) weights of a conflict over a match.
+    peaks, radius
+        Shifts that are taken of a window for each weight, and cells by which they are apart.
+
+    Returns
+    -------
+    Scores (W, C, peaks), -inf where there is no other shift, and the shifts (W, C, peaks, 2) of
+    the source's centre from the target's, in cells.
+    """
+    standing, layer, showing, shown_layer = source
+    grown, clear, occupied = target
+    layers, edge = grown.shape[0], 2 * half_width + 1
+    offset = grown.shape[1] // 2 - source_cells // 2
+    scores = np.empty((len(centres), len(weights), peaks))
+    shifts = np.zeros((len(centres), len(weights), peaks, 2), np.int64)
+    for turn in prange(len(turns)):
+        c, s = np.cos(turns[turn]) / size, np.sin(turns[turn]) / size
+        A, b = np.array([[c, -s], [s, c]]), np.full(2, float(source_cells // 2))
+        # what is clear in the source, turned by half a turn: shifts run through it as through the
+        # target's tables
+        cells = np.zeros((layers, source_cells, source_cells), np.uint8)
+        mark_cells(standing, layer, A, b, cells)
+        beside, shown = np.zeros_like(cells), np.zeros_like(cells)
+        grow_cells(cells, beside)
+        mark_cells(showing, shown_layer, A, b, shown)
+        turned = np.zeros_like(cells)
+        last = source_cells - 1
+        for a in range(layers):
+            for x in range(source_cells):
+                for y in range(source_cells):
+                    if shown[a, x, y] and not beside[a, x, y]:
+                        turned[a, last - x, last - y] = 1
+        moving = list_cells(cells)
+        step = 1 + max(len(moving), len(occupied)) // MAX_COUNTED
+        moving, staying = moving[::step].copy(), occupied[::step].copy()
+        for window in range(starts[turn], starts[turn + 1]):
+            matches = np.zeros((edge, edge), np.uint16)
+            conflicts = np.zeros((edge, edge), np.uint16)
+            row, column = centres[window, 0] - half_width, centres[window, 1] - half_width
+            add_hits(moving, 1, row + offset, column + offset, grown, matches)
+            add_hits(moving, 1, row + offset, column + offset, clear, conflicts)
+            row, column = row + last + offset, column + last + offset
+            add_hits(staying, -1, row, column, turned, conflicts)
+            for kind in range(len(weights)):
+                take_peaks(
+                    matches,
+                    conflicts,
+                    weights[kind],
+                    radius,
+                    scores[window, kind],
+                    shifts[window, kind],
+                )
+                scores[window, kind] *= step
+                for peak in range(peaks):
+                    for axis in range(2):
+                        shifts[window, kind, peak, axis] += centres[window, axis] - half_width
+    return scores, shifts
