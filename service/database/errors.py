@@ -34,6 +34,9 @@ def translate_errors() -> Iterator[None]:
             "A text contains a character that cannot be stored (NUL); remove it."
         ) from error
     except DatabaseError as error:
+        if error.connection_invalidated:
+            log.error("the job store ended a connection: %s", error)
+            raise NotReadyError("The job store does not answer; retry later.") from error
         if type(error) is not DatabaseError:  # a subclass is a mistake of this program
             raise
         log.critical("the job store is damaged: %s", error)

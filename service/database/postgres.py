@@ -10,12 +10,22 @@ from sqlalchemy import Connection, Engine, create_engine, func, make_url, select
 from service.database.clock import read_time
 from service.database.errors import translate_errors
 from service.database.migrate import is_current, migrate
-from service.database.postgres_listener import CHANNEL, PostgresListener
+from service.database.postgres_listener import (
+    CHANNEL,
+    KEEPALIVE_S,
+    SERVER_KEEPALIVE,
+    PostgresListener,
+)
 from service.database.postgres_liveness import replace_lost_connections
 
 POOL_SIZE = 20
 """Most connections of one service, of the 100 that a server allows by default."""
 CONNECT_TIMEOUT_S = 10
+SILENCE_S = 20
+"""Time after which a server whose machine is gone counts as lost, in seconds."""
+MAX_IDLE_MS = 15_000
+"""Time between two statements of a transaction after which the server ends it, in milliseconds: the
+machine of who holds its locks may be suspended."""
 ADVISORY_LOCK_ID = 7_073_025
 """Key of the advisory lock that exclusive transactions hold; an arbitrary number."""
 
@@ -31,7 +41,8 @@ class PostgresDatabase:
 
     def __init__(self, url: str) -> None:
         self._url = url
-        self._engine = _create_engine(url)
+        options = f"{SERVER_KEEPALIVE} -c idle_in_transaction_session_timeout={MAX_IDLE_MS}"
+        self._engine = _create_engine(url, options)
         self._snapshot_engine = self._engine.execution_options(isolation_level="REPEATABLE READ")
         # the driver begins no transactions here: those of `write` begin in _begin alone
         self._plain_engine = self._engine.execution_options(isolation_level="AUTOCOMMIT")
@@ -119,7 +130,7 @@ def _begin(connection: Connection, *, exclusive: bool, durable: bool) -> None:
     connection.exec_driver_sql("; ".join(statements))
 
 
-def _create_engine(url: str) -> Engine:
+def _create_engine(url: str, options: str = "") -> Engine:
     engine = create_engine(
         make_url(url).set(drivername="postgresql+psycopg"),
         hide_parameters=True,  # an error that is logged must not tell what a row holds
@@ -129,6 +140,11 @@ def _create_engine(url: str) -> Engine:
             "connect_timeout": CONNECT_TIMEOUT_S,
             "application_name": "mpe",
             "client_encoding": "utf8",
+            "options": options,
+            "keepalives_idle": KEEPALIVE_S,
+            "keepalives_interval": KEEPALIVE_S // 2,
+            "keepalives_count": 2,
+            "tcp_user_timeout": 1000 * SILENCE_S,
         },
     )
     replace_lost_connections(engine)
