@@ -10,6 +10,8 @@ from service.problems import NotReadyError, is_disk_full
 
 log = logging.getLogger(__name__)
 
+STOP_S = 5.0
+"""Time that the task that is running has to end, in seconds."""
 MaintenanceTask = Callable[[], object]
 
 
@@ -36,9 +38,9 @@ class Maintenance:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the thread after the task that is running."""
+        """Stop the thread after the task that is running, or leave it where that takes long."""
         self._stopping.set()
-        self._thread.join()
+        self._thread.join(STOP_S)
 
     def run_once(self) -> None:
         """Call every task; log one that begins to fail and go on with the next."""

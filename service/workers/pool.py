@@ -23,6 +23,9 @@ from service.workers.supervisor import AttemptSupervisor
 POLL_INTERVAL_S = 1.0
 """Interval of the checks for jobs that another service on the same database has accepted."""
 
+STOP_S = 10.0
+"""Time that threads have to end once their children are killed, in seconds."""
+
 _Claim = tuple[str, JobQueue]
 """Id of a job, and the queue that it was claimed from: the second claim may overlap with the end of
 the first."""
@@ -132,7 +135,11 @@ class WorkerPool:
         self._leaving.set()
 
     def stop(self, grace_s: float = 0.0) -> None:
-        """Start no further job; kill and requeue what still runs after the grace time."""
+        """Start no further job; kill and requeue what still runs after the grace time.
+
+        A thread that waits for a file of a store that does not answer is left: what it does later
+        counts no more.
+        """
         self._stopping.set()
         self.notify_all()
         deadline = time.monotonic() + grace_s
@@ -142,8 +149,12 @@ class WorkerPool:
             with contextlib.suppress(NotReadyError):  # its lease ends by itself
                 self._transitions.requeue(job)
             child.kill()
+        deadline = time.monotonic() + STOP_S
         for thread in self._threads:
-            thread.join()
+            thread.join(max(0.0, deadline - time.monotonic()))
+        left = sum(thread.is_alive() for thread in self._threads)
+        if left:
+            log.warning("%d worker threads did not end within %g s and are left", left, STOP_S)
         self._stopped.set()
 
     def _remember(self, job: JobRow, child: Child) -> None:

@@ -8,6 +8,7 @@ import threading
 import pytest
 
 from service.problems import NotReadyError
+from service.workers import maintenance as module
 from service.workers.maintenance import Maintenance
 
 
@@ -82,3 +83,21 @@ def test_tasks_are_called_again_and_again_until_it_stops() -> None:
     last = count
     threading.Event().wait(0.05)
     assert count == last
+
+
+def test_a_task_that_hangs_does_not_keep_the_service_from_its_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "STOP_S", 0.05)
+    has_begun, goes_on = threading.Event(), threading.Event()
+
+    def hang() -> None:
+        has_begun.set()
+        assert goes_on.wait(20)
+
+    maintenance = Maintenance({"hang": hang}, 0.001)
+    maintenance.start()
+    assert has_begun.wait(20)
+    maintenance.stop()
+    assert not goes_on.is_set()
+    goes_on.set()

@@ -208,3 +208,25 @@ def test_workers_that_cannot_start_say_why_and_claim_nothing(
     until(lambda: statuses(database) == [0, 1])
     assert (pool.is_ready, pool.failure) == (True, None)
     assert caplog.text.count("a library is missing") == 2
+
+
+def test_an_attempt_that_hangs_does_not_keep_the_service_from_its_end(
+    database: Database, pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It waits for a store of the files that does not answer; its job runs elsewhere."""
+    monkeypatch.setattr(module, "STOP_S", 0.05)
+    goes_on = threading.Event()
+    run = FakeSupervisor.run_attempt
+
+    def hang(supervisor: FakeSupervisor, job: JobRow) -> None:
+        run(supervisor, job)
+        assert goes_on.wait(20)
+
+    monkeypatch.setattr(FakeSupervisor, "run_attempt", hang)
+    add(open_transitions(database))
+    pool.start()
+    until(lambda: statuses(database) == [0, 1])
+    pool.stop()
+    assert pool.is_stopped
+    assert statuses(database) == [1, 0]
+    goes_on.set()
