@@ -61,14 +61,17 @@ class JobQueries:
         with self._database.read() as connection:
             return [job_from_row(row) for row in connection.execute(query)]
 
-    def events(self, tenant: str, job_id: str, *, after: int) -> list[JobEvent]:
-        """Return the events of the tenant's job whose number is above `after`, in order."""
+    def events(
+        self, tenant: str, job_id: str, *, after: int, limit: int | None = None
+    ) -> list[JobEvent]:
+        """Return the first events of the tenant's job whose number is above `after`, in order."""
         columns = [column for column in events.c if column is not events.c.job_id]
         query = (
             select(*columns)
             .join(jobs, and_(jobs.c.id == events.c.job_id, jobs.c.tenant == tenant))
             .where(events.c.job_id == job_id, events.c.number > after)
             .order_by(events.c.number)
+            .limit(limit)
         )
         with self._database.read() as connection:
             return [JobEvent(**row._mapping) for row in connection.execute(query)]

@@ -17,6 +17,9 @@ from service.problems import NotReadyError
 from service.schemas import Event
 from service.schemas.base import MAX_EXACT_INTEGER
 
+MAX_EVENTS = 100
+"""Events that are read at once: a registration that runs for long has thousands, and each stream
+would hold them all."""
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
 
 
@@ -53,6 +56,8 @@ async def stream_events(
                 yield ServerSentEvent(id=str(last), event="progress", data=data)
                 if is_terminal(event.status):
                     return
+            if len(events) == MAX_EVENTS:
+                continue  # there may be more
             if is_over:
                 return  # the end was sent before, the registration is deleted, or the service stops
             with contextlib.suppress(TimeoutError):
@@ -60,12 +65,13 @@ async def stream_events(
 
 
 def _look(runtime: CurrentRuntime, job: JobRow, last: int) -> tuple[list[JobEvent], bool]:
-    """Return the events after the last one, and whether none follows them.
+    """Return the first events after the last one, and whether the last of all is known.
 
     The end is asked for first: one that comes in between is among the events then.
     """
     is_over = _is_over(runtime, job)
-    return runtime.jobs.events(job.tenant, job.id, after=last), is_over
+    events = runtime.jobs.events(job.tenant, job.id, after=last, limit=MAX_EVENTS)
+    return events, is_over
 
 
 def _is_over(runtime: CurrentRuntime, job: JobRow) -> bool:
