@@ -16,12 +16,12 @@ from service.formats.decoded_cloud import (
     check_count,
     check_whole_size,
 )
-from service.formats.errors import MalformedFileError, short_reason
+from service.formats.errors import CloudFileError, MalformedFileError, short_reason
 from service.formats.faces import check_faces
 from service.formats.libraries import import_library
 from service.formats.mesh.gltf import check_gltf
 from service.formats.mesh.gltf_draco import without_draco
-from service.formats.mesh.gltf_parts import NORMAL, rewrite_parts
+from service.formats.mesh.gltf_parts import COLOR, NORMAL, dequantize, rewrite_parts
 
 _NORMALS = ("nx", "ny", "nz")
 _KNOWN = {"COLOR_0": RGB[0], "NORMAL": _NORMALS[0]}
@@ -72,6 +72,8 @@ def _load(
             process=False,
             skip_materials=True,
         )
+        for part in scene.geometry.values():
+            part.vertices = dequantize(part)
         for part in scene.dump():
             if hasattr(part, "faces"):
                 corners = np.asarray(part.faces, np.int64).reshape(-1, 3)
@@ -79,14 +81,11 @@ def _load(
             vertices.append(np.asarray(part.vertices, np.float64).reshape(-1, 3))
             placement, _ = scene.graph[part.metadata["node"]]
             attributes.append(_part_attributes(part, len(vertices[-1]), placement[:3, :3]))
-    except MemoryError:
+    except (MemoryError, CloudFileError):
         raise
     except Exception as error:  # noqa: BLE001  trimesh raises nearly anything on damaged files
         raise MalformedFileError(f"the mesh cannot be read: {short_reason(error)}") from None
-    first = attributes[0] if attributes else {}
-    names = [name for name in first if all(name in part for part in attributes)]
-    kept = {name: np.concatenate([part[name] for part in attributes]) for name in names}
-    return np.concatenate(vertices), np.concatenate(faces), kept
+    return np.concatenate(vertices), np.concatenate(faces), _join_attributes(attributes)
 
 
 def _part_attributes(
@@ -94,15 +93,38 @@ def _part_attributes(
 ) -> dict[str, NDArray[np.generic]]:
     """Return the colours, the placed normals and the attributes of one number for each vertex."""
     found: dict[str, NDArray[np.generic]] = {}
-    if part.visual.kind == "vertex" and len(part.visual.vertex_colors) == count:
-        found |= dict(zip(RGB, np.asarray(part.visual.vertex_colors).T[:3], strict=True))
     for name, column in getattr(part, "vertex_attributes", {}).items():
         values = np.asarray(column)
         if name == NORMAL and values.shape == (count, 3):
             found |= dict(zip(_NORMALS, _place_normals(values, placement).T, strict=True))
+        elif name == COLOR and values.shape in ((count, 3), (count, 4)):
+            found |= dict(zip(RGB, _to_whole(values).T[:3], strict=True))
         elif values.shape in ((count,), (count, 1)) and values.dtype.kind in "biuf":
             found[str(name).removeprefix("_")] = values.reshape(-1)
     return found
+
+
+def _to_whole(colors: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return fractions in 8 bits, and integers of 8 or 16 bits as they are."""
+    if colors.dtype.kind != "f":
+        return colors
+    fractions: NDArray[np.float64] = np.nan_to_num(colors.astype(np.float64)).clip(0, 1)
+    return np.rint(fractions * 255).astype(np.uint8)
+
+
+def _join_attributes(
+    parts: list[dict[str, NDArray[np.generic]]],
+) -> dict[str, NDArray[np.generic]]:
+    """Join the attributes that all parts have; colours of 8 bits become 16 beside those of 16."""
+    first = parts[0] if parts else {}
+    names = [name for name in first if all(name in part for part in parts)]
+    joined = {}
+    for name in names:
+        columns = [part[name] for part in parts]
+        if name in RGB and any(column.dtype.itemsize == 2 for column in columns):
+            columns = [c if c.dtype.itemsize == 2 else c.astype(np.uint16) * 257 for c in columns]
+        joined[name] = np.concatenate(columns)
+    return joined
 
 
 def _place_normals(

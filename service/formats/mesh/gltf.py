@@ -21,6 +21,8 @@ MAGIC = b"glTF"
 _TOP_LEVEL_KEYS = (b"asset", b"accessors", b"buffers", b"bufferViews", b"meshes")
 _MAX_JSON_BYTES = 64 << 20
 _EMBEDDED = re.compile(r"data:[A-Za-z0-9.+/-]{0,100};base64,")
+_MESHOPT = "_meshopt_compression"
+"""End of the names of the extension, EXT or KHR."""
 _MAX_NODES = 100_000
 _MAX_DEPTH = 100
 """Levels of nodes; the time that trimesh takes grows with the square of the depth."""
@@ -85,6 +87,11 @@ def _check_binary_header(head: bytes, size: int) -> int:
 
 
 def _check_document(document: dict[str, Any], size: int, limits: ReadLimits) -> None:
+    if any(str(name).endswith(_MESHOPT) for name in document.get("extensionsRequired", [])):
+        raise UnsupportedFileError(
+            "the meshes are compressed by meshopt, which is not read: write the glTF without "
+            "compression, or with that of Draco"
+        )
     for item in document.get("buffers", []):
         if not _EMBEDDED.match(str(item.get("uri", "data:;base64,"))):
             raise UnsupportedFileError(

@@ -132,6 +132,7 @@ def test_files_of_real_tools(
         (glb(nodes=[{"mesh": 0, "children": [1, 1]}, {"mesh": 0}]), "two parents"),
         (glb(nodes=[{"mesh": 0}] * 9 + [{"mesh": -9}]), "not valid"),
         (glb(nodes=[{"mesh": 0}] * 200_000), "too many"),
+        (glb(extensionsRequired=["EXT_meshopt_compression"]), "compressed by meshopt"),
     ],
 )
 def test_refused(tmp_path: Path, content: bytes, words: str) -> None:
