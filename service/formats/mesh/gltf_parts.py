@@ -23,12 +23,18 @@ _ONE = "largest integer"
 """What the integer that stands for 1 is called in what trimesh keeps of a mesh."""
 _LARGEST = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}
 """Largest integers by the component types of glTF."""
-_POINTS, _TRIANGLES, _INDEX = 0, 4, 5125
-"""Modes of a part, and the type of its indices, uint32."""
+_TRIANGLES, _STRIP, _FAN, _INDEX = 4, 5, 6, 5125
+"""Modes of a part with faces, and the type of its indices, uint32."""
 
 
 def rewrite_parts(content: bytes) -> bytes:
-    """Return a checked file with its normals renamed, and points as meshes without triangles."""
+    """Return a checked file as trimesh keeps all of it.
+
+    Raises
+    ------
+    UnsupportedFileError
+        A part is stored in a way that is not read.
+    """
     if not content.startswith(MAGIC):
         return _rewrite(content)
     (length,) = struct.unpack_from("<I", content, 12)
@@ -47,7 +53,12 @@ def _rewrite(text: bytes) -> bytes:
         for name, kept in (("NORMAL", NORMAL), ("COLOR_0", COLOR)):
             if name in part["attributes"]:
                 part["attributes"][kept] = part["attributes"].pop(name)
-    points = [part for part in parts if part.get("mode", _TRIANGLES) == _POINTS]
+    if any(part.get("mode") == _FAN for part in parts):
+        raise UnsupportedFileError(
+            "a part is a fan of triangles (mode 6), which is not read: write single triangles"
+        )
+    # trimesh leaves out loops and strips of lines, and what points have
+    points = [part for part in parts if part.get("mode", _TRIANGLES) not in (_TRIANGLES, _STRIP)]
     if points:
         none = {"componentType": _INDEX, "count": 0, "type": "SCALAR"}
         document["accessors"].append(none)

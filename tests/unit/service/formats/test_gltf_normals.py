@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.formats import read_points, write_cloud
+from service.formats import UnsupportedFileError, read_points, write_cloud
 from tests.factories.decoding import write_file
 from tests.factories.rich_clouds import rich_cloud
 
@@ -49,12 +49,12 @@ def normals_of(tmp_path: Path, node: dict[str, Any], mode: int) -> np.ndarray:
     cloud = read_points(write_file(tmp_path, content(node, mode)), attributes=True)
     assert not cloud.warnings
     assert len(cloud.points) == 3
-    assert (cloud.faces is None) == (mode == 0)
+    assert (cloud.faces is None) == (mode not in (4, 5))
     np.testing.assert_array_equal(cloud.attributes["TIME"], np.arange(3))
     return np.stack([cloud.attributes[name] for name in ("nx", "ny", "nz")], axis=1)
 
 
-@pytest.mark.parametrize("mode", [0, 4])
+@pytest.mark.parametrize("mode", range(6))
 def test_normals_turn_with_the_nodes(tmp_path: Path, mode: int) -> None:
     np.testing.assert_array_equal(normals_of(tmp_path, {}, mode), NORMALS)
     np.testing.assert_array_equal(normals_of(tmp_path, {"translation": [9, 9, 9]}, mode), NORMALS)
@@ -72,6 +72,11 @@ def test_normals_stay_normal_to_a_stretched_and_a_mirrored_surface(
         expected /= np.linalg.norm(expected, axis=1, keepdims=True)
         found = normals_of(tmp_path, {"scale": scale}, mode)
         np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_fans_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedFileError, match="fan of triangles"):
+        read_points(write_file(tmp_path, content({}, 6)))
 
 
 def test_a_surface_without_extent_has_no_normals(tmp_path: Path) -> None:
