@@ -45,15 +45,15 @@ def with_east_first(
     """
     x, y, z = xyz
     letters = [_LETTER.fullmatch(normalize_name(names[place])) for place in (x, y)]
-    is_y_first = y + 1 == x
-    is_survey = normalize_name(names[z]) in _HEIGHTS
-    if [found and found[1] for found in letters] != ["x", "y"] or not (is_survey or is_y_first):
+    if [found and found[1] for found in letters] != ["x", "y"]:
         return xyz, ()
+    is_y_first, is_survey = y + 1 == x, normalize_name(names[z]) in _HEIGHTS
     X, Y = (_size(fields[place]) for place in (x, y))
+    by_size = _are_east_north(Y, X)
     by_order = is_survey and is_y_first and not _are_east_north(X, Y)
-    is_north = by_order or _are_east_north(Y, X)
-    if not is_north and not is_y_first:
+    if not by_size and not is_y_first:
         return xyz, ()
+    is_north = by_order or (by_size and (is_survey or is_y_first))
     found = (y, x, z) if is_north else xyz
     listed = ", ".join(_bare(names[place]) for place in sorted(xyz))
     east, north = (_bare(names[place]) for place in found[:2])
