@@ -30,6 +30,9 @@ from service.webhooks.outbox import DeliveryRow, Outbox
 
 THREADS = 8
 POLL_INTERVAL_S = 0.5
+MAX_LOOKING_SHARE = 0.1
+"""Share of the time in which the threads look for a delivery in vain: that takes long where very
+many are due, to hosts that do not answer (docs/tuning.md)."""
 LIMITS = TransferLimits(total_s=10, read_timeout_s=10)
 MAX_BACKOFF_S = 3600.0
 JITTER = (0.8, 1.2)
@@ -84,6 +87,7 @@ class WebhookSender:
         self._is_leader = is_leader
         self._stopping = threading.Event()
         self._free = THREADS
+        self._look_again_at = 0.0
         self._lock = threading.Lock()
         self._threads = [
             threading.Thread(target=self._run, name=f"webhooks-{i}", daemon=True)
@@ -121,13 +125,20 @@ class WebhookSender:
 
     def _claim(self) -> DeliveryRow | None:
         with self._lock:  # for the number of free threads
+            began_at = time.monotonic()
+            if began_at < self._look_again_at:
+                return None
             delivery = self._outbox.claim(self._free)
             self._free -= delivery is not None
+            if delivery is None:
+                took_s = time.monotonic() - began_at
+                self._look_again_at = began_at + took_s / MAX_LOOKING_SHARE
         return delivery
 
     def _count_free(self, change: int) -> None:
         with self._lock:
             self._free += change
+            self._look_again_at = 0.0
 
     def _send(self, delivery: DeliveryRow) -> None:
         job = self._jobs.get_unscoped(delivery.job_id)

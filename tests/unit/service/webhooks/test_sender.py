@@ -6,12 +6,13 @@ import base64
 import json
 import time
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from pydantic import SecretStr
 
-from service.settings import WebhookSettings
-from service.webhooks.sender import sign
+from service.settings import Settings, WebhookSettings
+from service.webhooks.sender import WebhookSender, sign
 
 BODY = json.dumps({"type": "registration.succeeded", "data": {"labels": {"part": "Tür"}}}).encode()
 KEY = bytes(range(32))
@@ -55,3 +56,23 @@ def test_another_message_secret_or_id_does_not_verify() -> None:
     for changed in ({"body": BODY + b" "}, {"delivery_id": "msg-2"}, {"secret": other}):
         with pytest.raises(WebhookVerificationError):
             verify(**{"secret": secret, "signature": signature(secret)} | changed)  # type: ignore[arg-type]
+
+
+class SlowOutbox:
+    """One in which so many calls wait that it takes long to see that none may be sent."""
+
+    looks = 0
+
+    def claim(self, free: int) -> None:
+        self.looks += 1
+        time.sleep(0.05)
+
+
+def test_a_long_look_in_vain_is_not_repeated_at_once() -> None:
+    outbox: Any = SlowOutbox()
+    sender = WebhookSender(Mock(), outbox, Settings())
+    assert [sender._claim(), sender._claim()] == [None, None]
+    assert outbox.looks == 1
+    sender._count_free(+1)  # it may send now
+    sender._claim()
+    assert outbox.looks == 2
