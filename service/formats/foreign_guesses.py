@@ -10,6 +10,10 @@ _GUESSES: tuple[tuple[re.Pattern[bytes], str], ...] = (
         "rows in brackets: write one point a line, x y z, without them, or save the array as .npy",
     ),
     (
+        re.compile(rb"\$[A-Z]{5},"),
+        "NMEA of a satellite receiver: send points in metres, one a line, x y z",
+    ),
+    (
         re.compile(rb"\{|\[\s*[\[{]"),
         "JSON, which is not read: write one point a line, x y z, or save the array as .npy",
     ),

@@ -13,7 +13,7 @@ from service.formats.decoded_cloud import DecodedCloud, ReadLimits
 from service.formats.errors import MalformedFileError
 from service.formats.faces import LARGE_MESH_WARNING
 from service.formats.mesh.obj_faces import read_faces, read_normals, warn_of_normals
-from service.formats.mesh.text_faces import has_colors, read_obj_colors
+from service.formats.mesh.text_faces import has_colors, read_obj_colors, warn_of_numbers
 from service.formats.numerals import significant_line
 from service.formats.text_block import TextBlock
 from service.formats.text_cleaner import Dialect, TableCleaner
@@ -57,6 +57,7 @@ def read_obj(
         return cloud
     normals, lost = read_normals(path, len(points), found, limits)
     kept = read_obj_colors(path, len(points), limits) | normals
+    lost += warn_of_numbers(path)
     return replace(cloud, attributes=kept, warnings=cloud.warnings + lost)
 
 
@@ -71,5 +72,5 @@ def read_obj_pieces(
         kept = dict(zip(RGB, table.T[3:], strict=False))
         yield DecodedCloud(table[:, :3], "obj", attributes=kept)
     warnings = cleaner.warnings() + ((LARGE_MESH_WARNING,) if faces else ())
-    warnings += warn_of_normals(path) if attributes else ()
+    warnings += warn_of_normals(path) + warn_of_numbers(path) if attributes else ()
     yield DecodedCloud(np.empty((0, 3)), "obj", warnings)

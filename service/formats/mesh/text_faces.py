@@ -68,4 +68,17 @@ def iter_words(path: Path, offset: int = 0) -> Iterator[list[str]]:
 
 def has_colors(path: Path) -> bool:
     """Whether the first vertex has six numbers."""
-    return next((len(words) == 7 for words in iter_words(path) if words[0] == "v"), False)
+    return _count_behind(path) == len(RGB)
+
+
+def warn_of_numbers(path: Path) -> tuple[str, ...]:
+    """Tell of numbers behind the coordinates of the first vertex that are neither colours nor 1."""
+    count = _count_behind(path)
+    if count in (0, 1, len(RGB)):  # one is the weight of a control point
+        return ()
+    return (f"{count} numbers behind the coordinates are not kept; expected 3, the colours",)
+
+
+def _count_behind(path: Path) -> int:
+    """Count the numbers behind the coordinates of the first vertex."""
+    return next((len(words) - 4 for words in iter_words(path) if words[0] == "v"), 0)

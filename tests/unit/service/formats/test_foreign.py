@@ -63,6 +63,7 @@ FOREIGN = {
     "ksplat": struct.pack("<4B4IH", 0, 1, 0, 0, 2, 1, 900, 900, 1).ljust(5000, b"\1"),
     "program": b"\x7fELF\x02" + bytes(90),
     "YAML": b"points:\n  - [1.5, 2, 3]\n  - [4, 5, 6]\n",
+    "NMEA": b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\n",
     "YAML ": b'header:\n  seq: 1\n  frame_id: "map"\npoints:\n  -\n    x: 1.5\n    y: 2\n',
     "YAML  ": b"header:\n  frame_id: map\nheight: 1\nfields:\n- name: x\n  offset: 0\n",
     "a name beside each number": b"x=1.5 y=2 z=3\nx=4 y=5 z=6\n",

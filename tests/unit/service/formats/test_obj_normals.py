@@ -80,3 +80,11 @@ def test_large_files_tell_it(tmp_path: Path) -> None:
     path = write_file(tmp_path, (CORNERS * 10 + NORMALS * 10).encode())
     *_, last = read_pieces(path, ReadLimits(max_points=16), attributes=True)
     assert "the normals (vn) are not kept, because the file is large" in last.warnings
+
+
+def test_other_numbers_of_vertices_are_told(tmp_path: Path) -> None:
+    for numbers, is_told in (("", False), (" 1.0", False), (" 1 0 0", False), (" 1 0 0 1", True)):
+        path = write_file(tmp_path, f"v 0 0 1{numbers}\n".encode() * 20)
+        *_, large = read_pieces(path, ReadLimits(max_points=16), attributes=True)
+        for cloud in (large, read_points(path, attributes=True)):
+            assert ("4 numbers behind the coordinates" in " ".join(cloud.warnings)) == is_told
