@@ -98,7 +98,7 @@ def test_a_candidate_that_falls_short_stays_a_rival_as_it_is(steps):
     poses = np.array([TRUTH, pose(axis_rotation(np.ones(3), 2.0), np.zeros(3)) @ TRUTH])
     right, wrong = steps._preselect(poses, lambda fraction: None)
     assert (right.row, wrong.row) == (0, 1)
-    kept = steps._refine_preselected(wrong)
+    (kept,) = steps._refine_preselected([wrong])
     np.testing.assert_array_equal(kept.minimum.T, wrong.T)
     assert not kept.minimum.converged
     first, second = steps.compare([steps.refine(right.T), kept])
