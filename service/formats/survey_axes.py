@@ -73,7 +73,7 @@ def _are_east_north(east: float, north: float) -> bool:
 
 
 def _size(field: str) -> float:
-    return abs(float(field)) if is_number(field) else 0.0
+    return abs(float(field.strip())) if is_number(field) else 0.0
 
 
 def _bare(name: str) -> str:

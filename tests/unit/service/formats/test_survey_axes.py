@@ -74,3 +74,11 @@ def test_small_numbers_tell_nothing(tmp_path: Path) -> None:
         points, warning = read(tmp_path, header, np.arange(20), *local.T)
         np.testing.assert_array_equal(points, local[:, axes])
         assert ("is read as east" in warning) == ("X;Y" not in header)
+
+
+def test_blanks_that_float_does_not_know(tmp_path: Path) -> None:
+    """Found by fuzzing: a separator of records is a blank for str.strip, and not for float."""
+    content = b"Nr;Y;X;H\n" + b"7;\x1e1.5;2.5;3.5\n" * 9
+    np.testing.assert_array_equal(
+        read_points(write_file(tmp_path, content)).points[0], [1.5, 2.5, 3.5]
+    )
