@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
 
 from mpe_core import RegistrationOptions
 from service.clouds.file_viewpoints import with_file_viewpoints
@@ -137,4 +139,11 @@ def _write(registration: Registration, file_warnings: list[str], scratch: Path) 
     from service.schemas.serialize_result import inlier_array, render_result
 
     (scratch / RESULT_NAME).write_bytes(render_result(registration, file_warnings))
-    np.save(scratch / INLIERS_NAME, inlier_array(registration.inliers), allow_pickle=False)
+    write_rows(scratch / INLIERS_NAME, inlier_array(registration.inliers))
+
+
+def write_rows(path: Path, rows: NDArray[np.void]) -> None:
+    """Write the rows (N,) as an NPY file; unlike `numpy.save`, tell that the disk is full."""
+    with path.open("wb") as file:
+        npy.write_array_header_1_0(file, npy.header_data_from_array_1_0(rows))
+        file.write(rows.view(np.uint8).data)

@@ -16,6 +16,7 @@ import httpx
 import numpy as np
 import psutil
 
+from service.problems import INTERNAL
 from tests.e2e.answer_times import Calls, measured, percentiles_ms
 from tests.e2e.attacks.catalog import ATTACKS
 from tests.e2e.attacks.target import Target
@@ -24,7 +25,7 @@ from tests.e2e.soak.disk import Disk, small_disk
 from tests.e2e.soak.disturb import disturb
 from tests.e2e.soak.record import Record
 from tests.e2e.soak.requests import Honest
-from tests.factories.logs import logged_errors
+from tests.factories.logs import logged_errors, logged_exceptions
 from tests.factories.server import Server, finished, running_server
 from tests.factories.tenants import caller, new_key
 
@@ -120,7 +121,7 @@ class Soak:
                     self.record.faults.append("an accepted job is lost")
                     continue
                 end = finished(client, job)
-                problem = _find_fault(end, tenant)
+                problem = _find_fault(end, tenant, self.server.log)
                 if problem:
                     self.record.faults.append(problem)
                 error = end["error"] or {}
@@ -152,12 +153,14 @@ class Soak:
         }
 
 
-def _find_fault(end: dict[str, Any], tenant: str) -> str | None:
+def _find_fault(end: dict[str, Any], tenant: str, log: str) -> str | None:
     """What is wrong with the end of a job that registers a cloud to itself; None: nothing."""
     if end["labels"].get("tenant") != tenant:
         return "a job has the labels of another tenant"
     if end["status"] == "failed" and end["error"]["status"] < 500:
         return f"a job failed: {end['error']}"
+    if end["error"] and end["error"]["status"] == INTERNAL.status:
+        return f"a job ended with {end['error']}: {logged_exceptions(log, end['id'])}"
     if end["status"] == "succeeded":
         off = np.abs(np.array(end["result"]["transform"]) - np.eye(4)).max()
         return f"a result is off by {off}" if off > 0.05 else None

@@ -18,7 +18,7 @@ from service.jobs.model import JobQueue, JobRow
 from service.jobs.queries import JobQueries
 from service.jobs.transitions import MAX_LOST_ATTEMPTS, JobTransitions
 from service.jobs.worker_slots import WorkerSlots
-from service.problems import NotReadyError, error_document
+from service.problems import INTERNAL, NotReadyError, error_document, problem_document
 from service.settings import Settings
 from service.storage.blobs import BlobStore
 from service.workers import supervisor as module
@@ -206,6 +206,20 @@ def test_a_full_disk_costs_the_job_nothing_and_it_is_tried_again(
         job = attempts.run([Progress("decode", 0.05), last])
         assert (job.status, job.lost_attempts, job.interruptions) == ("queued", 0, number)
     assert attempts.run([SUCCEEDED]).status == "succeeded"
+
+
+def test_an_unexplained_failure_on_a_full_disk_is_that_of_the_disk(attempts: Attempts) -> None:
+    attempts.add()
+    unexplained = Failed(Problem(**problem_document(INTERNAL, "It was logged.")), {})
+    settings = attempts.settings
+    attempts.settings = settings.model_copy(update={"min_free_disk_bytes": 2**60})
+    job = attempts.run([unexplained])
+    assert (job.status, job.interruptions) == ("queued", 1)
+    attempts.settings = settings
+    job = attempts.run([unexplained])
+    assert job.status == "failed"
+    assert job.error is not None
+    assert job.error["type"] == "urn:mpe:problem:internal-error"
 
 
 @pytest.mark.parametrize("queue", ["fetch", "register"])
