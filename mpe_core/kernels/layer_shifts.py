@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-MAX_COUNTED = 1500
+MAX_COUNTED = 6000
 """Occupied cells of either cloud that are counted; of more, every second or third is, which bounds
 the time of forests."""
 
@@ -105,19 +105,19 @@ def add_hits(cells, sign, row, column, table, hits):
 )
 def take_peaks(matches, conflicts, weight, radius, scores, shifts):
     """Take the shifts (P, 2) with the highest scores (P,), no two within `radius` of each other."""
+    height, width = matches.shape
+    score, best = np.empty((height, width)), np.empty(height)
+    for i in range(height):
+        for j in range(width):
+            score[i, j] = matches[i, j] - weight * conflicts[i, j]
+        best[i] = score[i].max()
     for peak in range(len(scores)):
-        scores[peak] = -np.inf
-        for i in range(matches.shape[0]):
-            for j in range(matches.shape[1]):
-                score = matches[i, j] - weight * conflicts[i, j]
-                if score <= scores[peak]:
-                    continue
-                is_apart = True
-                for other in range(peak):
-                    apart = max(abs(shifts[other, 0] - i), abs(shifts[other, 1] - j))
-                    is_apart = is_apart and apart > radius
-                if is_apart:
-                    scores[peak], shifts[peak, 0], shifts[peak, 1] = score, i, j
+        row = best.argmax()
+        column = score[row].argmax()
+        scores[peak], shifts[peak, 0], shifts[peak, 1] = score[row, column], row, column
+        for i in range(max(0, row - radius), min(height, row + radius + 1)):
+            score[i, max(0, column - radius) : column + radius + 1] = -np.inf
+            best[i] = score[i].max()
 
 
 @njit(

@@ -43,11 +43,11 @@ COARSE_CELLS, TURNS_KEPT = 2, 24
 """Cells of a first pass over those of the second one, and turns of each weight that it leaves for
 that (docs/tuning.md)."""
 
-SHIFTS_PER_TURN = 12
+SHIFTS_PER_TURN = 20
 """Coarse peaks that are taken for each turn and each weight (docs/tuning.md)."""
 
-PEAK_RADIUS = 2
-"""Cells around a peak in which no other is taken."""
+PEAK_RADIUS, FINE_PEAK_RADIUS = 2, 3
+"""Cells around a peak in which no other is taken, coarse and fine ones."""
 
 WINDOW = 3
 """Fine cells to each side of a coarse peak among which the best one is looked for: one and a half
@@ -97,7 +97,7 @@ def find_levelled_poses(
     poses, relative = [], []
     for kind in range(len(CONFLICT_WEIGHTS)):
         found = scores[:, kind, 0]
-        for window in np.argsort(-found, kind="stable")[:count]:
+        for window in _distinct(found, turn_of_window, shifts[:, kind, 0], count):
             if found[window] > 0:
                 shift = size * shifts[window, kind, 0]
                 poses.append(_pose(source, target, turn_of_window[window], shift))
@@ -156,6 +156,18 @@ def _cells_around(cloud: LevelledCloud, size: float, reach: float) -> int:
     """Cells along a side of a grid that holds the cloud, however it is turned about its centre."""
     shown = float(np.sqrt(np.square(cloud.showing[0] - cloud.centre).sum(axis=1).max(initial=0)))
     return 2 * (int(np.ceil(max(cloud.radius, min(shown, reach)) / size)) + 1)
+
+
+def _distinct(scores: Array, turns: Array, shifts: NDArray[np.int64], count: int) -> list[int]:
+    """Up to `count` windows, best first, whose shift is apart from better ones at the same turn."""
+    kept: list[int] = []
+    for window in np.argsort(-scores, kind="stable"):
+        apart = np.abs(shifts[kept] - shifts[window]).max(axis=1, initial=0)
+        if (apart[turns[kept] == turns[window]] > FINE_PEAK_RADIUS).all():
+            kept.append(int(window))
+        if len(kept) == count:
+            break
+    return kept
 
 
 def _best_turns(scores: Array) -> NDArray[np.int64]:
