@@ -230,8 +230,15 @@ class PosePipeline:
 
     def refine(self, T: Array) -> ScoredPose:
         """Refine and score a coarse pose T (4, 4)."""
-        minimum = self.refiner.refine(self._prior.project_to_yaw(T))
-        return ScoredPose(minimum, self.scorer.score(minimum.T))
+        return self._refine_all([T])[0]
+
+    def _refine_all(self, poses: Sequence[Array]) -> list[ScoredPose]:
+        """Refine and score coarse poses (4, 4)."""
+        if not poses:
+            return []
+        starts = np.array([self._prior.project_to_yaw(T) for T in poses])
+        minima = self.refiner.refine_all(starts)
+        return [ScoredPose(minimum, self.scorer.score(minimum.T)) for minimum in minima]
 
     def finish(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was."""
@@ -289,19 +296,13 @@ class PosePipeline:
 
     def _refine_preselected(self, chosen: Sequence[_Preselected]) -> list[ScoredPose]:
         """Refine and score preselected poses; those that fall short stay rivals as they are."""
-        starts = [
-            self._prior.project_to_yaw(near.T) for near in chosen if near.weak_evidence is None
+        refined = iter(self._refine_all([near.T for near in chosen if near.weak_evidence is None]))
+        return [
+            next(refined)
+            if near.weak_evidence is None
+            else ScoredPose(Minimum(near.T, False, PRESELECT_STEPS), near.weak_evidence)
+            for near in chosen
         ]
-        minima = iter(self.refiner.refine_all(np.array(starts)) if starts else [])
-        found = []
-        for near in chosen:
-            if near.weak_evidence is None:
-                minimum = next(minima)
-                found.append(ScoredPose(minimum, self.scorer.score(minimum.T)))
-            else:
-                minimum = Minimum(near.T, False, PRESELECT_STEPS)
-                found.append(ScoredPose(minimum, near.weak_evidence))
-        return found
 
     def _has_convincing(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
         """Whether a pose ends the search at this level."""

@@ -61,6 +61,29 @@ def grow_cells(grid, grown):
                             grown[a, i, j] = 1
 
 
+@njit(f"UniTuple({CELLS}, 3)({SOURCE}, float64[:, ::1], float64[::1], int64, int64)", cache=True)
+def draw_layers(cloud, A, b, layers, cells):
+    """Draw a cloud, given as `SOURCE`, at the places A x + b, in cells.
+
+    Returns
+    -------
+    Grids (layers, cells, cells): occupied cells; these and their neighbours; clear cells, which are
+    shown and not among these.
+    """
+    standing, layer, showing, shown_layer = cloud
+    occupied = np.zeros((layers, cells, cells), np.uint8)
+    grown, clear = np.zeros_like(occupied), np.zeros_like(occupied)
+    mark_cells(standing, layer, A, b, occupied)
+    grow_cells(occupied, grown)
+    mark_cells(showing, shown_layer, A, b, clear)
+    for a in range(layers):
+        for x in range(cells):
+            for y in range(cells):
+                if grown[a, x, y]:
+                    clear[a, x, y] = 0
+    return occupied, grown, clear
+
+
 @njit(f"int64[:, ::1]({CELLS})", cache=True)
 def list_cells(grid):
     """(K, 3) layers, rows and columns of the marked cells."""
@@ -159,7 +182,6 @@ def find_shifts(
     Scores (W, C, peaks), -inf where there is no other shift, and the shifts (W, C, peaks, 2) of
     the source's centre from the target's, in cells.
     """
-    standing, layer, showing, shown_layer = source
     grown, clear, occupied = target
     layers, edge = grown.shape[0], 2 * half_width + 1
     offset = grown.shape[1] // 2 - source_cells // 2
@@ -168,20 +190,9 @@ def find_shifts(
     for turn in prange(len(turns)):
         c, s = np.cos(turns[turn]) / size, np.sin(turns[turn]) / size
         A, b = np.array([[c, -s], [s, c]]), np.full(2, float(source_cells // 2))
-        # what is clear in the source, turned by half a turn: shifts run through it as through the
-        # target's tables
-        cells = np.zeros((layers, source_cells, source_cells), np.uint8)
-        mark_cells(standing, layer, A, b, cells)
-        beside, shown = np.zeros_like(cells), np.zeros_like(cells)
-        grow_cells(cells, beside)
-        mark_cells(showing, shown_layer, A, b, shown)
-        turned = np.zeros_like(cells)
-        last = source_cells - 1
-        for a in range(layers):
-            for x in range(source_cells):
-                for y in range(source_cells):
-                    if shown[a, x, y] and not beside[a, x, y]:
-                        turned[a, last - x, last - y] = 1
+        cells, _, shown = draw_layers(source, A, b, layers, source_cells)
+        # turned by half a turn: shifts run through it as through the target's tables
+        turned, last = shown[:, ::-1, ::-1].copy(), source_cells - 1
         moving = list_cells(cells)
         step = 1 + max(len(moving), len(occupied)) // MAX_COUNTED
         moving, staying = moving[::step].copy(), occupied[::step].copy()

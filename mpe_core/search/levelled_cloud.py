@@ -14,7 +14,7 @@ from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import rotation_between
 from mpe_core.geometry.sampling import take_every
 from mpe_core.geometry.viewpoints import nearest_viewpoint
-from mpe_core.kernels.layer_shifts import EVERY_LAYER, grow_cells, mark_cells
+from mpe_core.kernels.layer_shifts import EVERY_LAYER, draw_layers
 from mpe_core.kernels.ray_cells import count_crossings
 
 Array = NDArray[np.float64]
@@ -143,16 +143,10 @@ class LevelledCloud:
         cell_size
             Edge of a cell.
         """
-
-        def drawn(xy: Array, layer: Layers) -> Grid:
-            grid = np.zeros((LAYERS, cells, cells), np.uint8)
-            mark_cells(xy, layer, A / cell_size, b / cell_size, grid)
-            return grid
-
-        occupied = drawn(*self.standing)
-        grown = np.zeros_like(occupied)
-        grow_cells(occupied, grown)
-        return OccupancyGrids(occupied, grown, drawn(*self.showing) & ~grown)
+        drawn = draw_layers(
+            (*self.standing, *self.showing), A / cell_size, b / cell_size, LAYERS, cells
+        )
+        return OccupancyGrids(*drawn)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ from mpe_core.machine import count_oom_kills
 from service.jobs.model import JobRow
 from service.jobs.transitions import MAX_LOST_ATTEMPTS
 from service.problems import (
-    INTERNAL,
     TYPE_PREFIX,
     ConnectionClosedError,
     ExpiredError,
@@ -227,8 +226,8 @@ def _await_answer(child: Child, task: FileTask, timeout_s: float, disk: DiskSpac
     abandoned = is_abandoned.get()
     while (left_s := deadline - time.monotonic()) > 0:
         message = child.receive(min(left_s, DISK_INTERVAL_S))
-        is_unexplained = isinstance(message, Failed) and message.problem.status == INTERNAL.status
-        if disk.is_short and (message is None or is_unexplained):  # libraries do not say why
+        is_unexplained = isinstance(message, Failed) and message.is_unexplained
+        if disk.is_short and (message is None or is_unexplained):
             raise OverloadedError("Too little disk is left for the file; retry later.")
         if isinstance(message, Exported | Failed):
             return message

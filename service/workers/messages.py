@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from service.outbound.http_cache import MAX_VALIDATOR_LENGTH
-from service.problems import TYPE_PREFIX, all_problem_types
+from service.problems import INTERNAL, TYPE_PREFIX, all_problem_types
 
 MAX_MESSAGE_BYTES = 1 << 20
 """Length of an encoded message; MAX_WARNINGS of MAX_TEXT_LENGTH fit, every character escaped."""
@@ -138,6 +138,11 @@ class Failed:
     problem: Problem
     timing: Timing
     kind: Literal["failed"] = "failed"
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether the child does not know what went wrong: libraries do not always say why."""
+        return self.problem.type == TYPE_PREFIX + INTERNAL.slug
 
 
 Answer = Fetched | Succeeded | Exported | Failed

@@ -20,7 +20,6 @@ from service.jobs.sizes import LARGE
 from service.jobs.transitions import JobTransitions
 from service.outbound import FetchPolicy, HttpCache
 from service.problems import (
-    INTERNAL,
     TYPE_PREFIX,
     BlobsUnavailableError,
     DeadlineError,
@@ -54,7 +53,6 @@ from service.workers.messages import (
     Fetched,
     FetchedFile,
     Message,
-    Problem,
     Progress,
     Succeeded,
 )
@@ -77,9 +75,6 @@ SMALL_SCRATCH_BYTES = 1 << 20
 
 DISK_FULL = TYPE_PREFIX + DiskFullError.problem.slug
 """Type of the problem that a child answers when it cannot write."""
-
-UNEXPLAINED = TYPE_PREFIX + INTERNAL.slug
-"""Type of the problem that a child answers when it does not know what went wrong."""
 
 JOB_MEMORY = TYPE_PREFIX + JobMemoryError.problem.slug
 """Type of the problem that a child answers when it gets no more memory."""
@@ -309,7 +304,7 @@ class AttemptSupervisor:
         ChildLostError
             The answer is that to another task.
         """
-        if isinstance(answer, Failed) and self._is_for_want_of_disk(answer.problem):
+        if isinstance(answer, Failed) and self._is_for_want_of_disk(answer):
             self._interrupt_on_full_disk(job)
         elif isinstance(answer, Failed) and answer.problem.type == JOB_MEMORY:
             self._end_for_memory(job, asdict(answer.problem), job.timing | answer.timing)
@@ -319,10 +314,10 @@ class AttemptSupervisor:
         elif answer is not None:
             raise ChildLostError(f"it answered {answer.kind!r} to another task")
 
-    def _is_for_want_of_disk(self, problem: Problem) -> bool:
-        """Whether a child failed on a full disk; libraries do not always say why they failed."""
-        if problem.type != UNEXPLAINED:
-            return problem.type == DISK_FULL
+    def _is_for_want_of_disk(self, failed: Failed) -> bool:
+        """Whether a child failed on a full disk."""
+        if not failed.is_unexplained:
+            return failed.problem.type == DISK_FULL
         return DiskSpace(self.settings.data_dir, self.settings.min_free_disk_bytes).is_short
 
     def _end_for_memory(

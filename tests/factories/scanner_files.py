@@ -20,6 +20,7 @@ import pye57
 from numpy.typing import NDArray
 
 from tests.factories.cloud_files import NORMALS, POINTS, ply, text_rows
+from tests.factories.gltf import glb_file
 from tests.factories.vtk_files import legacy_mesh, xml_mesh
 
 Array = NDArray[np.float64]
@@ -162,11 +163,7 @@ def gltf() -> bytes:
 
 def glb(**changes: object) -> bytes:
     document, data = _gltf()
-    text = json.dumps(document | changes).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    return glb_file(document | changes, data)
 
 
 def ptx(scans: int = 1, step: tuple[float, ...] = tuple(STEP)) -> bytes:

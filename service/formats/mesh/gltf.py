@@ -16,8 +16,8 @@ from service.formats.errors import (
     UnsupportedFileError,
 )
 from service.formats.faces import check_face_count
+from service.formats.glb import MAGIC
 
-MAGIC = b"glTF"
 _TOP_LEVEL_KEYS = (b"asset", b"accessors", b"buffers", b"bufferViews", b"meshes")
 _MAX_JSON_BYTES = 64 << 20
 _EMBEDDED = re.compile(r"data:[A-Za-z0-9.+/-]{0,100};base64,")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,9 +16,9 @@ from numpy.typing import NDArray
 from service.formats.decoded_cloud import ReadLimits
 from service.formats.draco import decode_draco
 from service.formats.errors import CloudFileError, FileLimitError, MalformedFileError
+from service.formats.glb import MAGIC, split_glb
 
 _EXTENSION = "KHR_draco_mesh_compression"
-_GLB_MAGIC = b"glTF"
 _MAX_JSON_BYTES = 64 << 20
 _MAX_PRIMITIVES = 10_000
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -60,10 +59,10 @@ def without_draco(path: Path, limits: ReadLimits) -> Iterator[Path]:
 
 def _split(content: bytes) -> tuple[bytes, bytes]:
     """Return the JSON and the binary chunk."""
-    if not content.startswith(_GLB_MAGIC) or len(content) < 20:
+    if not content.startswith(MAGIC) or len(content) < 20:
         return content, b""
-    (length,) = struct.unpack_from("<I", content, 12)
-    return content[20 : 20 + length], content[28 + length :]
+    text, chunks = split_glb(content)
+    return text, chunks[8:]
 
 
 def _expand(document: dict[str, Any], blob: bytes, limits: ReadLimits) -> None:

@@ -8,14 +8,13 @@ where they are normalized.
 from __future__ import annotations
 
 import json
-import struct
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.errors import UnsupportedFileError
-from service.formats.mesh.gltf import MAGIC
+from service.formats.glb import MAGIC, pack_glb, split_glb
 
 NORMAL, COLOR = "_ NORMAL", "_ COLOR_0"
 """What normals and colours are called; trimesh keeps attributes that begin with a low line."""
@@ -37,11 +36,8 @@ def rewrite_parts(content: bytes) -> bytes:
     """
     if not content.startswith(MAGIC):
         return _rewrite(content)
-    (length,) = struct.unpack_from("<I", content, 12)
-    text = _rewrite(content[20 : 20 + length])
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + content[20 + length :]
-    return MAGIC + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    text, chunks = split_glb(content)
+    return pack_glb(_rewrite(text), chunks)
 
 
 def _rewrite(text: bytes) -> bytes:

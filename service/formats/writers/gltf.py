@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.formats.colors import RGB
+from service.formats.glb import binary_chunk, pack_glb
 from service.formats.writers.outgoing import Outgoing, to_float32
 
 _FLOAT, _BYTE, _INDEX = 5126, 5121, 5125
@@ -109,8 +109,4 @@ def _render(document: _Document, primitive: dict[str, Any], center: list[float])
         "bufferViews": document.views,
         "buffers": [{"byteLength": len(data)}],
     }
-    text = json.dumps(content).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    return pack_glb(json.dumps(content).encode(), binary_chunk(data))

@@ -13,6 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from service.formats import CloudFileError, DecodedCloud, read_points
+from tests.factories.gltf import glb_file
 
 SHAPE: Any = trimesh.creation.icosphere(subdivisions=2)
 VERTICES = np.asarray(SHAPE.vertices, np.float32) * [1, 2, 3]
@@ -56,12 +57,7 @@ def gltf(data: bytes, *, binary: bool) -> bytes:
         uri = base64.b64encode(data).decode()
         document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{uri}"
         return json.dumps(document).encode()
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    data += bytes(-len(data) % 4)
-    chunks = len(text).to_bytes(4, "little") + b"JSON" + text
-    chunks += len(data).to_bytes(4, "little") + b"BIN\0" + data
-    return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
+    return glb_file(document, data + bytes(-len(data) % 4))
 
 
 def read(folder: Path, content: bytes, **choices: Any) -> DecodedCloud:

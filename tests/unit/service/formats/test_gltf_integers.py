@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from service.formats import UnsupportedFileError, read_points
 from tests.factories.decoding import write_file
+from tests.factories.gltf import glb_file, scene_of
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 1]])
 TYPES = {np.dtype(name): number for name, number in
@@ -37,21 +36,13 @@ def glb(*parts: Arrays, mode: int = 0, normalized: bool = True) -> bytes:
             names[name] = len(accessors) - 1
             data += rows.tobytes()
         primitives.append({"attributes": names, "mode": mode})
-    document = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "scale": [2, 2, 2], "translation": [5, 0, 0]}],
+    document = scene_of({"scale": [2, 2, 2], "translation": [5, 0, 0]}) | {
         "meshes": [{"primitives": primitives, "extras": {"largest integer": 7}}],
         "accessors": accessors,
         "bufferViews": views,
         "buffers": [{"byteLength": len(data)}],
     }
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    return glb_file(document, data)
 
 
 @pytest.mark.parametrize(("kind", "one"), [("i1", 127), ("<i2", 32767)])

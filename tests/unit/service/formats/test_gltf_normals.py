@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import pytest
 
 from service.formats import UnsupportedFileError, read_points, write_cloud
 from tests.factories.decoding import write_file
+from tests.factories.gltf import glb_file, scene_of
 from tests.factories.rich_clouds import rich_cloud
 
 CORNERS = np.array([[0, 0, 0], [2, 0, 0], [0, 1, 0]], "<f4")
@@ -25,11 +24,7 @@ def content(node: dict[str, Any], mode: int) -> bytes:
     data = CORNERS.tobytes() + NORMALS.tobytes() + np.arange(3, dtype="<f4").tobytes()
     places = [(0, 36), (36, 36), (72, 12)]
     part = {"attributes": {"POSITION": 0, "NORMAL": 1, "_TIME": 2}, "mode": mode}
-    document = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, **node}],
+    document = scene_of(node) | {
         "meshes": [{"primitives": [part]}],
         "accessors": [
             {"bufferView": i, "componentType": 5126, "count": 3, "type": kind}
@@ -38,11 +33,7 @@ def content(node: dict[str, Any], mode: int) -> bytes:
         "bufferViews": [{"buffer": 0, "byteOffset": a, "byteLength": b} for a, b in places],
         "buffers": [{"byteLength": len(data)}],
     }
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
-    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+    return glb_file(document, data)
 
 
 def normals_of(tmp_path: Path, node: dict[str, Any], mode: int) -> np.ndarray:
