@@ -65,6 +65,10 @@ refined fully (docs/tuning.md)."""
 LEVELLED_CANDIDATES = 48
 """Candidates of the levelled search that are refined shortly."""
 
+UNRIVALLED_CONFIDENCE = 0.985
+"""Confidence of a pose from which on its clouds are not searched levelled, where free space has not
+told it from slides: no levelled search has changed such a pose (docs/tuning.md)."""
+
 MIN_FIRST_SCORE = 0.5
 """Score by itself of a pose that ends the first search: it has met few rivals (docs/tuning.md)."""
 
@@ -151,11 +155,11 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
-            # what free space has told from slides needs no levelled search
-            is_told = self._free_space is not None and self._has_convincing(
-                self.compare(poses), level
-            )
-            if level.with_levelled and self._layers is not None and not is_told:
+            if (
+                level.with_levelled
+                and self._layers is not None
+                and not self._is_told_from_slides(self.compare(poses), level)
+            ):
                 self._search_levelled(poses, progress)
             poses = self.compare(poses)
             if self._has_convincing(poses, level):
@@ -314,6 +318,12 @@ class PosePipeline:
             pose.evidence.confidence >= level.stop_confidence and pose.evidence.score >= least
             for pose in poses
         )
+
+    def _is_told_from_slides(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
+        """Whether a pose convinces that needs no comparison with those of the levelled search."""
+        least = -np.inf if self._free_space is not None else UNRIVALLED_CONFIDENCE
+        sure = [pose for pose in poses if pose.evidence.confidence >= least]
+        return self._has_convincing(sure, level)
 
     def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Add to the evidence of each pose how it compares with the others."""

@@ -13,6 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+BLOCK, MAX_BYTE = 32, 255
+"""Cells that are counted at once, and the largest count of a byte."""
+
 MAX_COUNTED = 6000
 """Occupied cells of either cloud that are counted; of more, every second or third is, which bounds
 the time of forests."""
@@ -100,35 +103,56 @@ def list_cells(grid):
     return found
 
 
+@njit(f"{CELLS}({CELLS})", cache=True)
+def pad_rows(table):
+    """Copy a table (layers, n, m) with BLOCK empty cells after each row."""
+    layers, rows, columns = table.shape
+    padded = np.zeros((layers, rows, columns + BLOCK), np.uint8)
+    padded[:, :, :columns] = table
+    return padded
+
+
 @njit(
-    f"void(int64[:, ::1], int64, int64, int64, {CELLS}, uint16[:, ::1])",
+    f"uint16[:, ::1](int64[:, ::1], int64, int64, int64, {CELLS}, int64)",
     cache=True,
     error_model="numpy",
 )
-def add_hits(cells, sign, row, column, table, hits):
+def count_hits(cells, sign, row, column, table, edge):
     """Count at all shifts of a window how many of the cells (K, 3) meet marked ones of a table.
 
     At the shift (i, j), a cell (layer, x, y) meets the one at (row + sign x + i,
-    column + sign y + j) of its layer.
+    column + sign y + j) of its layer. The table is padded; the counts (edge, edge + BLOCK) are, too.
     """
-    rows, columns = table.shape[1], table.shape[2]
-    height, width = hits.shape
-    for k in range(len(cells)):
-        x, y = row + sign * cells[k, 1], column + sign * cells[k, 2]
-        first, last = max(0, -y), min(width, columns - y)
-        if first < last:
-            for i in range(max(0, -x), min(height, rows - x)):
-                met, counted = table[cells[k, 0], x + i, y + first : y + last], hits[i, first:last]
-                for j in range(len(met)):
-                    counted[j] += met[j]
+    rows, columns = table.shape[1], table.shape[2] - BLOCK
+    hits = np.zeros((edge, edge + BLOCK), np.uint16)
+    few = np.zeros((edge, edge + BLOCK), np.uint8)  # bytes are counted in larger vectors
+    for begin in range(0, len(cells), MAX_BYTE):
+        few[:] = 0
+        for k in range(begin, min(begin + MAX_BYTE, len(cells))):
+            x, y = row + sign * cells[k, 1], column + sign * cells[k, 2]
+            first, last = max(0, -y), min(edge, columns - y)
+            if first < last:
+                # whole vectors, without a rest that is counted cell by cell
+                end = first + -(-(last - first) // BLOCK) * BLOCK
+                for i in range(max(0, -x), min(edge, rows - x)):
+                    met, counted = table[cells[k, 0], x + i, y + first : y + end], few[i, first:end]
+                    for j in range(len(counted)):
+                        counted[j] += met[j]
+        for i in range(edge):
+            for j in range(edge):
+                hits[i, j] += few[i, j]
+    return hits
 
 
 @njit(
     "void(uint16[:, ::1], uint16[:, ::1], float64, int64, float64[::1], int64[:, ::1])", cache=True
 )
 def take_peaks(matches, conflicts, weight, radius, scores, shifts):
-    """Take the shifts (P, 2) with the highest scores (P,), no two within `radius` of each other."""
-    height, width = matches.shape
+    """Take the shifts (P, 2) with the highest scores (P,), no two within `radius` of each other.
+
+    The counts are padded, as those of `count_hits`.
+    """
+    height, width = matches.shape[0], matches.shape[1] - BLOCK
     score, best = np.empty((height, width)), np.empty(height)
     for i in range(height):
         for j in range(width):
@@ -182,7 +206,7 @@ def find_shifts(
     Scores (W, C, peaks), -inf where there is no other shift, and the shifts (W, C, peaks, 2) of
     the source's centre from the target's, in cells.
     """
-    grown, clear, occupied = target
+    grown, clear, occupied = pad_rows(target[0]), pad_rows(target[1]), target[2]
     layers, edge = grown.shape[0], 2 * half_width + 1
     offset = grown.shape[1] // 2 - source_cells // 2
     scores = np.empty((len(centres), len(weights), peaks))
@@ -192,18 +216,16 @@ def find_shifts(
         A, b = np.array([[c, -s], [s, c]]), np.full(2, float(source_cells // 2))
         cells, _, shown = draw_layers(source, A, b, layers, source_cells)
         # turned by half a turn: shifts run through it as through the target's tables
-        turned, last = shown[:, ::-1, ::-1].copy(), source_cells - 1
+        turned, last = pad_rows(shown[:, ::-1, ::-1].copy()), source_cells - 1
         moving = list_cells(cells)
         step = 1 + max(len(moving), len(occupied)) // MAX_COUNTED
         moving, staying = moving[::step].copy(), occupied[::step].copy()
         for window in range(starts[turn], starts[turn + 1]):
-            matches = np.zeros((edge, edge), np.uint16)
-            conflicts = np.zeros((edge, edge), np.uint16)
             row, column = centres[window, 0] - half_width, centres[window, 1] - half_width
-            add_hits(moving, 1, row + offset, column + offset, grown, matches)
-            add_hits(moving, 1, row + offset, column + offset, clear, conflicts)
-            row, column = row + last + offset, column + last + offset
-            add_hits(staying, -1, row, column, turned, conflicts)
+            row, column = row + offset, column + offset
+            matches = count_hits(moving, 1, row, column, grown, edge)
+            conflicts = count_hits(moving, 1, row, column, clear, edge)
+            conflicts += count_hits(staying, -1, row + last, column + last, turned, edge)
             for kind in range(len(weights)):
                 take_peaks(
                     matches,

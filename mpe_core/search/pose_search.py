@@ -242,20 +242,19 @@ def distinct_rows(poses: Poses, scores: NDArray[np.float32], count: int) -> NDAr
     Poses are close if they differ by less than MIN_APART_DEG and MIN_APART.
     """
     kept: list[int] = []
-    for row in np.argsort(-scores, kind="stable"):
-        if not are_close(poses[kept], poses[row]).any():
-            kept.append(int(row))
-        if len(kept) == count:
-            break
+    rest = np.argsort(-scores, kind="stable")
+    while len(rest) and len(kept) < count:
+        kept.append(int(rest[0]))
+        rest = rest[~are_close(poses[rest], poses[rest[0]])]
     return np.array(kept, np.int64)
 
 
 def are_close(poses: Poses, T: Poses) -> NDArray[np.bool_]:
     """(K,) whether poses (K, 4, 4) are within MIN_APART_DEG and MIN_APART of T (4, 4)."""
     chord = 2 * np.sqrt(2) * np.sin(np.radians(MIN_APART_DEG) / 2)
-    turned = np.linalg.norm(poses[..., :3, :3] - T[:3, :3], axis=(-2, -1))
-    shifted = np.linalg.norm(poses[..., :3, 3] - T[:3, 3], axis=-1)
-    close: NDArray[np.bool_] = (turned < chord) & (shifted < MIN_APART)
+    turned = np.square(poses[..., :3, :3] - T[:3, :3]).sum(axis=(-2, -1))
+    shifted = np.square(poses[..., :3, 3] - T[:3, 3]).sum(axis=-1)
+    close: NDArray[np.bool_] = (turned < chord**2) & (shifted < MIN_APART**2)
     return close
 
 
