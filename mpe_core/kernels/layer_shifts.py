@@ -121,7 +121,7 @@ def count_hits(cells, sign, row, column, table, edge):
     """Count at all shifts of a window how many of the cells (K, 3) meet marked ones of a table.
 
     At the shift (i, j), a cell (layer, x, y) meets the one at (row + sign x + i,
-    column + sign y + j) of its layer. The table is padded; the counts (edge, edge + BLOCK) are, too.
+    column + sign y + j) of its layer. The table is padded; so are the counts (edge, edge + BLOCK).
     """
     rows, columns = table.shape[1], table.shape[2] - BLOCK
     hits = np.zeros((edge, edge + BLOCK), np.uint16)
