@@ -129,6 +129,8 @@ def _combine(
         ).reshape(-1, 4, 4),
         covariance=_mix_covariances(described.found, best, pair.unit),
         free_directions=best.free_directions,
+        confidence=best.confidence,
+        accepted=best.accepted,
     )
     warnings = describe_warnings(pair, evidence, found)
     return replace(described, found=replace(found, warnings=warnings), is_by_color=True)

@@ -111,7 +111,8 @@ class Registration:
     confidence: float
     """Probability that the pose is right, in [0, 1]."""
     accepted: bool
-    """Whether the confidence is at least 0.5, from which on a pose is taken for right."""
+    """Whether the confidence is at least 0.5, from which on a pose is taken for right. It is less
+    where both clouds show one plane alone."""
     ambiguous: bool
     """Whether another pose fits as well: the shape is symmetric, or slides on itself."""
     alternatives: NDArray[np.float64]

@@ -14,6 +14,7 @@ from mpe_core.assess.coincidence import (
     doubt,
     find_coincidences,
 )
+from mpe_core.assess.confidence import DOUBTED_CONFIDENCE
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
 from mpe_core.assess.outline import keep_level, weigh_outline
@@ -48,6 +49,9 @@ ENERGY_EPS = 0.03
 """eps of the reported P2 energy, in radii of the smaller cloud."""
 
 
+SLIDES_OF_PLANE = 2
+"""Independent slides from which on a pose is not accepted: what both clouds show is one plane."""
+
 MIN_EXCHANGE_RATIO = 1.2
 """Radius of the source over that of the target from which on the target is moved in its place
 (docs/tuning.md)."""
@@ -78,6 +82,11 @@ class Attempt(Trial):
     """Result, whose transform is rigid."""
     is_by_color: bool = False
     """Whether intensity or colour settled the pose."""
+
+    @property
+    def slides(self) -> bool:
+        """Whether the clouds fit, but are refused since what both show is one plane."""
+        return self.best.evidence.accepted and not self.found.accepted
 
 
 def register_rigidly(
@@ -221,7 +230,8 @@ def describe_pose(
         Takes stages and times.
     """
     best, *others = poses
-    minimum = best.minimum
+    minimum, confidence = best.minimum, best.evidence.confidence
+    is_on_plane = uncertainty.slides >= SLIDES_OF_PLANE
     # about the moved source's centroid, which is the origin of the normalized source
     uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
     with progress.stage("inliers"):
@@ -238,8 +248,8 @@ def describe_pose(
         energy=p2_energy(distances, ENERGY_EPS),
         converged=minimum.converged,
         iterations=minimum.iterations,
-        confidence=best.evidence.confidence,
-        accepted=best.evidence.accepted,
+        confidence=min(confidence, DOUBTED_CONFIDENCE) if is_on_plane else confidence,
+        accepted=best.evidence.accepted and not is_on_plane,
         ambiguous=len(others) > 0,
         alternatives=_in_caller_frames(pair, others),
         covariance=uncertainty.covariance,

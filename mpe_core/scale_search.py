@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.assess.confidence import DOUBTED_CONFIDENCE
 from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.unit_check import guess_units
 from mpe_core.clouds.validate import Cloud
@@ -61,9 +62,6 @@ looked for: that takes as long as the registration (docs/tuning.md)."""
 MIRROR_LOG_ODDS = 1.5
 """Log odds by which a mirrored source has to exceed an accepted pose for that to be refused."""
 
-DOUBTED_CONFIDENCE = 0.3
-"""Confidence of a pose that is refused for another scale or hand."""
-
 MIRRORED = CodedWarning(
     "mirrored",
     "the clouds are mirror images: mirrored (x turned to -x), the source fits. Look for a"
@@ -113,6 +111,8 @@ def register_scaled(
         return _with_cause(first.found, SETTLED)
     if first.found.accepted:
         return _doubt(source, target, first, options, progress)
+    if first.slides:
+        return first.found  # on one plane any scale and either hand fit
     return _with_cause(first.found, _name_cause(source, target, first, options, progress))
 
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from mpe_core.options import ACCEPTANCE_THRESHOLD
 
+DOUBTED_CONFIDENCE = 0.3
+"""Confidence of a pose that fits, but is refused for another scale or hand, or since it slides."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Model:

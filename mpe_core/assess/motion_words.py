@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mpe_core.geometry.rigid import apply, inverse
+from mpe_core.refine.covariance import MIN_TURN_SHARE
 
 Array = NDArray[np.float64]
 
@@ -15,9 +16,6 @@ MAX_OFF_AXIS_DEG = 8.0
 
 MIN_TURN_DEG = 5.0
 """Turn between two poses from which on they are said to be turned rather than shifted."""
-
-MIN_TURN_SHARE = 0.1
-"""Singular value of the rotation vectors of unit motions from which on they turn."""
 
 
 def describe_free_directions(directions: Array) -> str:

@@ -50,7 +50,7 @@ def describe_warnings(
         *_about_clouds(pair),
         *_about_convergence(result),
         *_about_trust(pair, evidence),
-        *_about_ambiguity(pair, result),
+        *_about_ambiguity(pair, result, is_on_plane=evidence.accepted and not result.accepted),
         *_about_inliers(result),
     )
 
@@ -109,7 +109,9 @@ def _about_contradictions(evidence: Evidence) -> Iterator[CodedWarning]:
         )
 
 
-def _about_ambiguity(pair: CloudPair, result: Registration) -> Iterator[CodedWarning]:
+def _about_ambiguity(
+    pair: CloudPair, result: Registration, *, is_on_plane: bool
+) -> Iterator[CodedWarning]:
     if result.ambiguous:
         differ = describe_alternatives(
             result.T_target_source, result.alternatives, pair.source_centre
@@ -125,7 +127,8 @@ def _about_ambiguity(pair: CloudPair, result: Registration) -> Iterator[CodedWar
         yield CodedWarning(
             "free_directions",
             f"the pose is undetermined in {len(result.free_directions)} of 6 directions (see"
-            f" free_directions): the source {describe_free_directions(unit)}",
+            f" free_directions): the source {describe_free_directions(unit)}"
+            + ("; not accepted: one plane is all that both show" if is_on_plane else ""),
         )
 
 

@@ -20,6 +20,9 @@ DEGENERACY_THRESHOLD = 2e-3
 unless a small feature holds it: between simple shapes and the worst of real scans
 (docs/tuning.md)."""
 
+MIN_TURN_SHARE = 0.1
+"""Singular value of the rotation vectors of unit motions from which on they turn."""
+
 DERIVATIVE_STEP = 0.3
 """Step of the numerical derivative over the cut-off of the residuals. The points must change their
 planes: with fixed planes, noisy clouds look too exact (docs/tuning.md)."""
@@ -39,6 +42,12 @@ class PoseUncertainty:
     """(6, 6) covariance; of variance 1 along degenerate directions."""
     degenerate_directions: Array
     """(K, 6) motions that the surfaces do not resist."""
+
+    @property
+    def slides(self) -> int:
+        """Number of translations among the degenerate directions: two or three on one plane."""
+        turns = np.linalg.matrix_rank(self.degenerate_directions[:, :3], tol=MIN_TURN_SHARE)
+        return len(self.degenerate_directions) - int(turns)
 
     def of_inverse(self, T_target_source: Array) -> PoseUncertainty:
         """Uncertainty of T_target_source, if this is that of its inverse."""

@@ -62,4 +62,15 @@ def test_a_floor_slides_in_its_plane(rng):
     floor = np.column_stack([rng.uniform(-1, 1, (4000, 2)), rng.normal(0, 1e-3, 4000)])
     found = register(floor, floor[:, [2, 0, 1]])
     said = {warning.code: str(warning) for warning in found.warnings}["free_directions"]
-    assert said.endswith("the source slides across x and turns about x")
+    assert "the source slides across x and turns about x" in said
+    assert said.endswith("not accepted: one plane is all that both show")
+    assert not found.accepted and found.confidence < 0.5
+
+
+def test_what_slides_in_one_direction_alone_is_accepted(rng):
+    angle, along = rng.uniform(0, 2 * np.pi, 4000), rng.uniform(-1, 1, 4000)
+    tube = np.column_stack([0.3 * np.cos(angle), 0.3 * np.sin(angle), along])
+    tube += rng.normal(0, 1e-3, tube.shape)
+    found = register(tube, tube[:, [2, 0, 1]])
+    assert found.accepted
+    assert len(found.free_directions) == 2
