@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import Evidence
 from mpe_core.assess.rivals import ScoredPose
+from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
 from mpe_core.geometry.rigid import inverse
 from mpe_core.pipeline import PosePipeline
@@ -46,6 +47,12 @@ class ExchangedPipeline:
     def has_noise(self) -> bool:
         """Whether noise hides the planes of one of the clouds."""
         return self._inner.has_noise
+
+    @property
+    def clouds(self) -> tuple[PreparedCloud, PreparedCloud]:
+        """Source and target."""
+        target, source = self._inner.clouds
+        return source, target
 
     def coarse_points(self) -> tuple[Points, Points]:
         """Points (N, 3) of the surfaces of source and target."""

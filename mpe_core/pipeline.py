@@ -186,6 +186,11 @@ class PosePipeline:
         """Whether noise hides the planes of one of the clouds."""
         return self._regime.is_noisy
 
+    @property
+    def clouds(self) -> tuple[PreparedCloud, PreparedCloud]:
+        """Source and target."""
+        return self.source, self.target
+
     def coarse_points(self) -> tuple[Points, Points]:
         """Points (N, 3) of both surfaces."""
         return self.source.surface.points, self.target.surface.points

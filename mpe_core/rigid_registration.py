@@ -126,19 +126,6 @@ def register_rigidly(
     return describe_pose(pipeline, pair, [best, *others], uncertainty, options, progress)
 
 
-def refine_trial(
-    source: Cloud,
-    target: Cloud,
-    options: RegistrationOptions,
-    progress: Progress,
-    start: NDArray[np.float64],
-) -> Trial:
-    """Refine a pose (4, 4) between the caller's clouds, as a candidate of the search is refined."""
-    pair, pipeline = _prepare(source, target, options, progress)
-    with progress.stage("refine"):
-        return Trial(pipeline.refine(pair.from_caller(start)), pipeline, pair)
-
-
 def search_trial(
     source: Cloud,
     target: Cloud,
@@ -148,6 +135,31 @@ def search_trial(
 ) -> Trial:
     """Find the best rigid pose, neither brought to its exact end nor described."""
     pair, pipeline = _prepare(source, target, options, progress, is_trial=True)
+    best = _find_poses(pipeline, pair, options, progress, levels)[0]
+    return Trial(best, pipeline, pair)
+
+
+def search_mirrored(
+    trial: Trial, options: RegistrationOptions, progress: Progress, levels: Sequence[SearchLevel]
+) -> Trial:
+    """Find the best pose, as `search_trial` does, with the x of a trial's source turned to -x.
+
+    Parameters
+    ----------
+    trial
+        What prepared the clouds.
+    options
+        Options of the registration, with the gravity of the mirrored source.
+    progress
+        Takes stages and times.
+    levels
+        Levels of the search.
+    """
+    pair = trial.pair.with_mirrored_source()
+    source, target = trial.pipeline.clouds
+    pipeline = _choose_pipeline(
+        pair, (source.mirrored(), target), options, compares_shape=True, is_trial=True
+    )
     best = _find_poses(pipeline, pair, options, progress, levels)[0]
     return Trial(best, pipeline, pair)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,19 +14,18 @@ from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.unit_check import guess_units
 from mpe_core.clouds.validate import Cloud
 from mpe_core.color_search import SETTLED, settle_by_color
-from mpe_core.options import RegistrationOptions, Vector
+from mpe_core.options import RegistrationOptions
 from mpe_core.progress import Progress
-from mpe_core.refine.scale import ScaleStep, estimate_scale_step
-from mpe_core.refine.swapped import SwappedPointToPlane
 from mpe_core.result import CodedWarning, Registration
 from mpe_core.rigid_registration import (
     Attempt,
     Trial,
-    refine_trial,
     register_rigidly,
+    search_mirrored,
     search_trial,
 )
 from mpe_core.search.pose_search import QUICK, SEARCH_LEVELS, SearchLevel
+from mpe_core.similarity import Similarity, refine_scale
 
 Array = NDArray[np.float64]
 
@@ -51,16 +50,16 @@ SURE_HAND_CONFIDENCE = 0.97
 """Confidence from which on the hand is not doubted: rooms that are nearly their own mirror images
 are refused otherwise."""
 
-MIN_WRONG_SCALE, MIN_GAIN = 0.03, 1.15
+MIN_WRONG_SCALE, MIN_GAIN = 0.03, 1.18
 """Logarithm of the scale next to an accepted pose, and gain of the points on the surface, from
-which on the pose is refused."""
+which on the pose is refused (docs/tuning.md)."""
 
-MIN_FIRST_STEP = 0.0025
-"""Logarithm of the first step of the scale, below which the scale next to an accepted pose is not
-looked for: that takes as long as the registration (docs/tuning.md)."""
+DOUBT_STEP_TOL = 0.001
+"""Logarithm of the last step of the scale where only MIN_WRONG_SCALE matters (docs/tuning.md)."""
 
-MIRROR_LOG_ODDS = 1.5
-"""Log odds by which a mirrored source has to exceed an accepted pose for that to be refused."""
+MIRROR_SCORE = 1.2
+"""Score by itself by which a mirrored source has to exceed an accepted pose for that to be refused:
+its quick search meets few rivals, so that contrast tells nothing (docs/tuning.md)."""
 
 MIRRORED = CodedWarning(
     "mirrored",
@@ -68,24 +67,6 @@ MIRRORED = CodedWarning(
     " left-handed or swapped axis in the export of one of them",
 )
 """What is said of them."""
-
-MAX_STEPS, STEP_TOL = 12, 1e-6
-"""Steps of the scale, and the last step's logarithm at which it stops."""
-
-DOUBT_STEP_TOL = 0.001
-"""The same where only a scale that differs by MIN_WRONG_SCALE matters."""
-
-MAX_STEP = 0.1
-"""Largest logarithm of one step."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Scaled:
-    """Pose with the source scaled by a factor."""
-
-    scale: float
-    trial: Trial
-    deviation: float = 0.0
 
 
 def register_scaled(
@@ -110,7 +91,7 @@ def register_scaled(
     if first.is_by_color:
         return _with_cause(first.found, SETTLED)
     if first.found.accepted:
-        return _doubt(source, target, first, options, progress)
+        return _doubt(first, options, progress)
     if first.slides:
         return first.found  # on one plane any scale and either hand fit
     return _with_cause(first.found, _name_cause(source, target, first, options, progress))
@@ -132,51 +113,45 @@ def _register_units(
     return register_rigidly(source, target, options, progress).found
 
 
-def _doubt(
-    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
-) -> Registration:
+def _doubt(first: Attempt, options: RegistrationOptions, progress: Progress) -> Registration:
     """Refuse an accepted pose where the clouds fit much better at another scale, or mirrored."""
     if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
         return first.found
-    cause = _other_scale(source, target, first, options, progress)
+    cause = _other_scale(first, progress)
     asks_hand = first.found.confidence <= SURE_HAND_CONFIDENCE and options.initial_transform is None
     if cause is None and asks_hand:
-        cause = _other_hand(source, target, first, options, progress)
+        cause = _other_hand(first, options, progress)
     if cause is None:
         return first.found
     confidence = min(first.found.confidence, DOUBTED_CONFIDENCE)
     return _with_cause(replace(first.found, accepted=False, confidence=confidence), cause)
 
 
-def _other_scale(
-    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
-) -> CodedWarning | None:
+def _other_scale(first: Attempt, progress: Progress) -> CodedWarning | None:
     """Name the scale at which the clouds fit much better next to an accepted pose."""
-    step = _scale_step(first)
-    if step is None or abs(step.log_scale) < MIN_FIRST_STEP:
+    with progress.stage("refine"):
+        refined = refine_scale(first, DOUBT_STEP_TOL, MIN_WRONG_SCALE)
+    if abs(np.log(refined.factor)) < MIN_WRONG_SCALE:
         return None
-    refined = _refine_scale(source, target, _Scaled(1.0, first), options, progress, DOUBT_STEP_TOL)
-    if abs(np.log(refined.scale)) < MIN_WRONG_SCALE:
-        return None
-    before, after = (each.best.evidence for each in (first, refined.trial))
+    before, after = first.best.evidence, refined.pose.evidence
     gain = after.on_surface_fraction * after.surface_agreement
     if gain < MIN_GAIN * before.on_surface_fraction * before.surface_agreement:
         return None
     return CodedWarning(
         "other_scale",
-        f"the clouds fit better with the source scaled by {refined.scale:.4g}: check the scale of"
+        f"the clouds fit better with the source scaled by {refined.factor:.4g}: check the scale of"
         ' both, or set scale to "free"',
     )
 
 
 def _other_hand(
-    source: Cloud, target: Cloud, first: Attempt, options: RegistrationOptions, progress: Progress
+    first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> CodedWarning | None:
     """Name the other hand where the mirrored source fits clearly better than an accepted pose."""
-    trial = _search_mirrored(source, target, options, progress)
+    trial = _search_mirrored(first, options, progress)
     before, after = first.best.evidence, trial.best.evidence
     is_better = after.sort_key > before.sort_key
-    return MIRRORED if is_better and after.log_odds > before.log_odds + MIRROR_LOG_ODDS else None
+    return MIRRORED if is_better and after.score > before.score + MIRROR_SCORE else None
 
 
 def _name_cause(
@@ -202,7 +177,7 @@ def _name_cause(
                 f" the source in {guess.source} and the target in {guess.target}. Convert both to"
                 ' one unit, or set scale to "units"',
             )
-    mirrored = _search_mirrored(source, target, options, progress).best.evidence
+    mirrored = _search_mirrored(first, options, progress).best.evidence
     explains_more = mirrored.on_surface_fraction > first.best.evidence.on_surface_fraction
     return MIRRORED if mirrored.accepted and explains_more else None
 
@@ -225,50 +200,42 @@ def _register_at(
 
 def _at_scale(options: RegistrationOptions, scale: float) -> RegistrationOptions:
     """Options with the viewpoints of the source times a scale."""
-    return _with_stretched_viewpoints(options, (scale, scale, scale))
-
-
-def _with_stretched_viewpoints(
-    options: RegistrationOptions, factors: Vector
-) -> RegistrationOptions:
-    """Options with the coordinates of the source's viewpoints times one factor each."""
     if options.source_viewpoint is None:
         return options
-    stretched: Any = np.multiply(options.source_viewpoint, factors)
-    return replace(options, source_viewpoint=stretched)
+    scaled: Any = np.multiply(options.source_viewpoint, scale)
+    return replace(options, source_viewpoint=scaled)
 
 
-def _search_mirrored(
-    source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
-) -> Trial:
+def _search_mirrored(first: Trial, options: RegistrationOptions, progress: Progress) -> Trial:
     """Search with the source's x turned to -x, and what the caller knows of it."""
     g = options.source_gravity
     gravity = None if g is None else (-g[0], g[1], g[2])
-    options = _with_stretched_viewpoints(replace(options, source_gravity=gravity), (-1, 1, 1))
-    return search_trial(source.mirrored(), target, options, progress, MIRROR_LEVELS)
+    options = replace(options, source_gravity=gravity)
+    return search_mirrored(first, options, progress, MIRROR_LEVELS)
 
 
 def _register_free(
     source: Cloud, target: Cloud, options: RegistrationOptions, progress: Progress
 ) -> Registration:
     """Try scales within the bounds, and refine the best."""
-    tried: list[_Scaled] = []
-    for scale in _start_scales(source, target, options.scale):
-        first = _Scaled(
-            scale, _register_at(scale, source, target, options, progress, QUICK_LEVELS[:1])
-        )
-        refined = _refine_scale(source, target, first, options, progress, STEP_TOL)
-        tried.append(refined if refined.trial.best.evidence.accepted else first)
-        if refined.trial.best.evidence.confidence > SEARCH_LEVELS[0].stop_confidence:
+    tried: list[tuple[float, Similarity]] = []
+    for start in _start_scales(source, target, options.scale):
+        attempt = _register_at(start, source, target, options, progress, QUICK_LEVELS[:1])
+        with progress.stage("refine"):
+            refined = refine_scale(attempt)
+        is_better = refined.pose.evidence.accepted
+        tried.append((start, refined if is_better else Similarity(attempt, attempt.best)))
+        if refined.pose.evidence.confidence > SEARCH_LEVELS[0].stop_confidence:
             break
     bounds = options.scale if isinstance(options.scale, tuple) else (0.0, np.inf)
-    allowed = [each for each in tried if bounds[0] <= each.scale <= bounds[1]] or tried
-    best = max(allowed, key=lambda each: each.trial.best.evidence.sort_key)
-    attempt = best.trial
-    if not isinstance(attempt, Attempt):
-        start = attempt.T_target_source
-        attempt = _register_at(best.scale, source, target, options, progress, start=start)
-    return _as_similarity(attempt.found, best.scale, best.deviation)
+    allowed = [
+        (start, each) for start, each in tried if bounds[0] <= start * each.factor <= bounds[1]
+    ]
+    start, best = max(allowed or tried, key=lambda each: each[1].pose.evidence.sort_key)
+    attempt, scale = best.attempt, start * best.factor
+    if best.factor != 1:
+        attempt = _register_at(scale, source, target, options, progress, start=best.rigid_pose)
+    return _as_similarity(attempt.found, scale, start * best.deviation)
 
 
 def _as_similarity(found: Registration, scale: float, deviation: float = 0.0) -> Registration:
@@ -294,46 +261,6 @@ def _start_scales(
     grid = np.geomspace(least, most, count)
     ordered: list[float] = grid[np.argsort(np.abs(np.log(grid / ratio)))].tolist()
     return [ratio, *ordered] if least <= ratio <= most else ordered
-
-
-def _refine_scale(
-    source: Cloud,
-    target: Cloud,
-    scaled: _Scaled,
-    options: RegistrationOptions,
-    progress: Progress,
-    step_tol: float,
-) -> _Scaled:
-    """Alternate steps of the scale, down to `step_tol`, and refinements of the pose."""
-    for _ in range(MAX_STEPS):
-        step = _scale_step(scaled.trial)
-        if step is None:
-            break
-        change = float(np.clip(step.log_scale, -MAX_STEP, MAX_STEP))
-        scaled = replace(scaled, deviation=step.deviation * scaled.scale)
-        if abs(change) < step_tol:
-            break
-        scale = scaled.scale * float(np.exp(change))
-        start = _about_centre(scaled.trial, float(np.exp(-change)))
-        scaled_options = _at_scale(options, scale)
-        trial = refine_trial(source.scaled(scale), target, scaled_options, progress, start)
-        scaled = replace(scaled, scale=scale, trial=trial)
-    return scaled
-
-
-def _about_centre(trial: Trial, shrunk: float) -> Array:
-    """(4, 4) pose for the source scaled by 1 / `shrunk`, with its centre where it was."""
-    T, centre = trial.T_target_source.copy(), trial.pair.source_centre
-    T[:3, 3] += T[:3, :3] @ centre * (1 - 1 / shrunk)
-    return T
-
-
-def _scale_step(trial: Trial) -> ScaleStep | None:
-    planes = trial.pipeline.planes
-    step = estimate_scale_step(planes.match(trial.best.minimum.T), planes.radius / 2)
-    if step is not None and isinstance(planes, SwappedPointToPlane):
-        return replace(step, log_scale=-step.log_scale)
-    return step
 
 
 def _with_cause(found: Registration, cause: CodedWarning | None) -> Registration:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpe_core.clouds.uneven import even_out
 from mpe_core.clouds.validate import Cloud
 from mpe_core.geometry.bounds import centered
+from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.sampling import take_every
 from mpe_core.geometry.viewpoints import as_viewpoints
 from mpe_core.options import Viewpoints
@@ -58,6 +59,15 @@ class CloudPair:
     def size_ratio(self) -> float:
         """Radius of the larger cloud over the unit."""
         return max(self.radii) / self.unit
+
+    def with_mirrored_source(self) -> CloudPair:
+        """Return the pair with the source's x turned to -x."""
+        return replace(
+            self,
+            source_cloud=self.source_cloud.mirrored(),
+            source=mirrored(self.source),
+            source_centre=self.source_centre * (-1, 1, 1),
+        )
 
     def to_caller(self, T: Array) -> Array:
         """(4, 4) pose between the caller's clouds, for the pose T between the normalized ones."""

@@ -17,6 +17,7 @@ from mpe_core.geometry.cell_list import (
     voxel_downsample,
     voxel_downsample_weighted,
 )
+from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.sampling import resample_rows, take_every
 from mpe_core.options import RegistrationOptions
 
@@ -68,6 +69,13 @@ class PreparedCloud:
     """Edge of the coarse thinning."""
     viewpoints: NDArray[np.float64] | None
     """(k, 3) places of the scanners, if they are known."""
+
+    def mirrored(self) -> PreparedCloud:
+        """Return the cloud with x turned to -x."""
+        places = None if self.viewpoints is None else mirrored(self.viewpoints)
+        return replace(
+            self, fine=mirrored(self.fine), surface=self.surface.mirrored(), viewpoints=places
+        )
 
     def sample(self, seed: int) -> Sample:
         """Draw up to SAMPLE_POINTS fine points, evenly or in proportion to their weights."""

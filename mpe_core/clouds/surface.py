@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, voxel_downsample
+from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.sampling import take_every
 from mpe_core.geometry.viewpoints import nearest_viewpoint
 
@@ -53,6 +54,10 @@ class Surface:
     """Distance between neighbouring points, estimated from the number around a point."""
     oriented: bool = False
     """Whether the normals point out of the surface; otherwise to either side."""
+
+    def mirrored(self) -> Surface:
+        """Return the surface with x turned to -x."""
+        return replace(self, points=mirrored(self.points), normals=mirrored(self.normals))
 
 
 def fit_surface(points: Points, voxel_size: float = VOXEL_SIZE) -> Surface:

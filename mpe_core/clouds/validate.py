@@ -17,6 +17,7 @@ from mpe_core.errors import (
     TooFewPointsError,
 )
 from mpe_core.geometry.bounds import Extent, centered, measure_extent, scatter_matrix
+from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.validation import MAX_COORDINATE, MIN_EXTENT
 from mpe_core.geometry.viewpoints import as_viewpoints
 from mpe_core.options import Viewpoints
@@ -56,7 +57,7 @@ class Cloud:
 
     def mirrored(self) -> Cloud:
         """Return the cloud with x turned to -x."""
-        points = self.points * (-1, 1, 1)
+        points = mirrored(self.points)
         return replace(self, points=points, extent=measure_extent(points))
 
     def spread(self) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from mpe_core.geometry.validation import is_rotation
 from mpe_core.kernels.point_rows import transform_points
 
 Array = NDArray[np.float64]
+Scalar = TypeVar("Scalar", bound=np.floating)
 
 
 def pose(R: Array, t: Array) -> Array:
@@ -26,10 +29,18 @@ def apply(T: Array, points: Array | NDArray[np.float32]) -> Array:
     return moved
 
 
+def mirrored(points: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Return the points (N, 3) with x turned to -x."""
+    turned = points.copy()
+    turned[:, 0] *= -1
+    return turned
+
+
 def inverse(T: Array) -> Array:
-    """Return the (4, 4) inverse of a rigid pose."""
-    R = T[:3, :3].T
-    return pose(R, -R @ T[:3, 3])
+    """Return the (4, 4) inverse of a rigid pose, or of a similarity."""
+    square_of_scale = np.square(T[:3, :3]).sum() / 3
+    M = T[:3, :3].T / square_of_scale
+    return pose(M, -M @ T[:3, 3])
 
 
 def fit(source: Array, target: Array, weights: Array | None = None) -> Array:

@@ -86,8 +86,9 @@ def test_axis_rotation_is_that_of_a_rotation_vector(angle):
     np.testing.assert_allclose(axis_rotation(AXIS, angle), expected, atol=1e-15)
 
 
-def test_inverse_undoes():
-    T = pose(axis_rotation(AXIS, 1.0), np.array([4.0, 5, 6]))
+@pytest.mark.parametrize("scale", [1.0, 0.7, 1000.0])
+def test_inverse_undoes(scale):
+    T = pose(scale * axis_rotation(AXIS, 1.0), np.array([4.0, 5, 6]))
     np.testing.assert_allclose(inverse(T) @ T, np.eye(4), atol=1e-14)
 
 
