@@ -10,11 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core import Inliers, Registration
+from mpe_core import Registration
 from service.schemas.result import MAX_INLINE_PAIRS, InlierSummary, Result, ResultWarning, Rotation
-
-INLIER_DTYPE = np.dtype([("source", "<i8"), ("target", "<i8"), ("distance", "<f8")])
-"""Row of the inliers' .npy file."""
 
 _PAIRS, _PAIRS_END = b'"pairs":[[', b"]]"
 _PAIR_ROWS = re.compile(rb"\[\d{1,19},\d{1,19}\](?:,\[\d{1,19},\d{1,19}\])*")
@@ -102,21 +99,12 @@ def count_pairs(text: bytes) -> int:
     return count
 
 
-def inlier_array(inliers: Inliers) -> NDArray[np.void]:
-    """Return the inliers as a (K,) structured array of INLIER_DTYPE, distances in input units."""
-    rows = np.empty(len(inliers), INLIER_DTYPE)
-    rows["source"] = inliers.source
-    rows["target"] = inliers.target
-    rows["distance"] = inliers.distance
-    return rows
-
-
 def iter_inliers_json(rows: NDArray[np.void], threshold: float) -> Iterator[str]:
     """Yield an `InlierList` as JSON text, with a bounded number of rows in memory.
 
     Parameters
     ----------
-    rows : (K,) structured array of INLIER_DTYPE
+    rows : (K,) rows of `inlier_file`
         May be memory-mapped.
     threshold : float
         Largest distance of a pair, in input units.

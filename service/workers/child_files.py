@@ -9,12 +9,12 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import numpy as np
 from pydantic import ValidationError
 
 from service.outbound import CachedFile, HttpCache, Validators
+from service.schemas.inlier_file import read_inliers
 from service.schemas.result import Result
-from service.schemas.serialize_result import INLIER_DTYPE, count_pairs, split_pairs
+from service.schemas.serialize_result import count_pairs, split_pairs
 from service.storage.blobs import Blob, BlobStore
 from service.storage.plain_file import NotPlainFileError, is_plain_file, open_plain_file
 from service.workers.child import ChildLostError
@@ -41,11 +41,10 @@ def store_result(scratch: Path, blobs: BlobStore) -> tuple[Blob, Blob]:
         result = Result.model_validate_json(document)
         is_complete = not pairs or count_pairs(pairs) == result.inliers.count
         inliers = _copy(scratch / INLIERS_NAME, blobs)
-        rows = np.load(blobs.path(inliers.sha256), mmap_mode="r", allow_pickle=False)
+        count = len(read_inliers(blobs.path(inliers.sha256)))
     except (NotPlainFileError, ValidationError, ValueError, EOFError) as error:
         raise ChildLostError("its result is missing or not valid") from error
-    has_rows = rows.dtype == INLIER_DTYPE and rows.shape == (result.inliers.count,)
-    if not (has_rows and is_complete):
+    if not (is_complete and count == result.inliers.count):
         raise ChildLostError("its inlier pairs are not those of its result")
     return blobs.put([content]), inliers
 

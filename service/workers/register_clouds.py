@@ -6,10 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.lib import format as npy
-from numpy.typing import NDArray
-
 from mpe_core import RegistrationOptions
 from service.clouds.file_viewpoints import with_file_viewpoints
 from service.clouds.inputs import CloudInput
@@ -136,14 +132,8 @@ class RegisterClouds(Task):
 
 def _write(registration: Registration, file_warnings: list[str], scratch: Path) -> None:
     """Write the result document, with what reading the files said, and the inlier pairs."""
-    from service.schemas.serialize_result import inlier_array, render_result
+    from service.schemas.inlier_file import write_inliers
+    from service.schemas.serialize_result import render_result
 
     (scratch / RESULT_NAME).write_bytes(render_result(registration, file_warnings))
-    write_rows(scratch / INLIERS_NAME, inlier_array(registration.inliers))
-
-
-def write_rows(path: Path, rows: NDArray[np.void]) -> None:
-    """Write the rows (N,) as an NPY file; unlike `numpy.save`, tell that the disk is full."""
-    with path.open("wb") as file:
-        npy.write_array_header_1_0(file, npy.header_data_from_array_1_0(rows))
-        file.write(rows.view(np.uint8).data)
+    write_inliers(scratch / INLIERS_NAME, registration.inliers)

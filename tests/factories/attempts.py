@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from service.schemas.inlier_file import INLIER_DTYPE
 from service.schemas.result import InlierSummary, Result, Rotation
-from service.schemas.serialize_result import INLIER_DTYPE
 from service.workers.child import ChildLostError, NoProcessError
 from service.workers.messages import Message
 from service.workers.register_clouds import INLIERS_NAME, RESULT_NAME

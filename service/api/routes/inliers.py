@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Iterator
 from typing import Annotated, Literal
 
-import numpy as np
 from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import StreamingResponse
 
@@ -16,6 +15,7 @@ from service.api.middleware.conditional import NOT_MODIFIED, is_known
 from service.api.threads import OwnThreads
 from service.problems import ExpiredError, NotAcceptableError, ResultNotReadyError
 from service.schemas import InlierList
+from service.schemas.inlier_file import read_inliers
 from service.schemas.serialize_result import iter_inliers_json, read_summary
 
 router = APIRouter(prefix="/v1/registrations", tags=["registrations"])
@@ -67,7 +67,7 @@ def get_inliers(
     headers = {"ETag": f'"{job.inliers_sha256}-json"'}
     if is_known(headers["ETag"], if_none_match):
         return Response(status_code=NOT_MODIFIED, headers=headers)
-    rows = np.load(array, mmap_mode="r", allow_pickle=False)
+    rows = read_inliers(array)
     summary = read_summary(document.read_bytes())
     chunks = iter_inliers_json(rows, summary["inliers"]["threshold"])
     return StreamingResponse(_render(chunks), media_type="application/json", headers=headers)

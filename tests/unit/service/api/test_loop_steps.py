@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from service.runtime import Runtime
-from service.schemas.serialize_result import INLIER_DTYPE
+from service.schemas.inlier_file import INLIER_DTYPE
 from tests.factories.api import FORM_TYPE, XYZ, form, on_api, part
 from tests.factories.finished import add_finished
 from tests.factories.hostile_files import HUGE

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from service.schemas import InlierList, serialize_result
+from service.schemas.inlier_file import INLIER_DTYPE
 from service.schemas.serialize_result import (
-    INLIER_DTYPE,
     count_pairs,
     iter_inliers_json,
     read_summary,
