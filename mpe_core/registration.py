@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike
 
 from mpe_core.clouds.scan_order import infer_viewpoint
 from mpe_core.clouds.validate import Cloud, validate_cloud
+from mpe_core.kernels import on_usable_cores
 from mpe_core.options import RegistrationOptions
 from mpe_core.progress import Progress, StageCallback
 from mpe_core.result import CodedWarning, Registration
 from mpe_core.scale_search import register_scaled
 
 
+@on_usable_cores()
 def register(
     source: ArrayLike,
     target: ArrayLike,

@@ -103,11 +103,11 @@ def table(result: Result) -> str:
     names = list(result["rows"][0])
     rows = [tuple(row[name] for name in names) for row in result["rows"]]
     return (
-        f"Generated clouds, {SEEDS} random starts each; a pose is right that puts the source within "
-        f"{MAX_OFF:.0%} of its size of its place, and where a kind says both ways, if the target on "
-        "the source gives the same. A wrong one that is said to be free counts as refused. Unlike clouds are to be refused, or "
-        "to be said free or ambiguous; `named` are those whose cause a warning names.\n\n"
-        + markdown(names, rows)
+        f"Generated clouds, {SEEDS} random starts each; a pose is right that puts the source "
+        f"within {MAX_OFF:.0%} of its size of its place, and where a kind says both ways, if the "
+        "target on the source gives the same. A wrong one that is said to be free counts as "
+        "refused. Unlike clouds are to be refused, or to be said free or ambiguous; `named` are "
+        "those whose cause a warning names.\n\n" + markdown(names, rows)
     )
 
 

@@ -8,6 +8,8 @@ on a busy one. There are no more threads than the cores that the control groups 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from mpe_core.machine import available_cores
 
@@ -26,3 +28,14 @@ import numba  # noqa: E402
 
 if "NUMBA_THREADING_LAYER_PRIORITY" not in os.environ:
     numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+
+
+@contextmanager
+def on_usable_cores() -> Iterator[None]:
+    """Use no more threads than there are cores now: limits may come after the import."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(min(threads, available_cores()))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(threads)

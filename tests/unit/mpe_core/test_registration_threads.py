@@ -4,7 +4,11 @@ import os
 import subprocess
 import sys
 
+import numba
+import numpy as np
 import pytest
+
+from mpe_core import register
 
 REPORT = """
 import numpy as np, numba
@@ -58,3 +62,17 @@ def test_threads_sleep_while_they_wait_unless_the_caller_says_otherwise(chosen, 
         check=True,
     )
     assert ran.stdout.split() == [turns]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity on this system")
+def test_a_limit_that_came_after_the_import_counts():
+    """Two threads on one core wait for each other."""
+    cloud = np.random.default_rng(0).normal(size=(200, 3))
+    before, cores, used = numba.get_num_threads(), os.sched_getaffinity(0), set()
+    try:
+        os.sched_setaffinity(0, {min(cores)})
+        register(cloud, cloud, on_progress=lambda *_: used.add(numba.get_num_threads()))
+    finally:
+        os.sched_setaffinity(0, cores)
+    assert used == {1}
+    assert numba.get_num_threads() == before
