@@ -21,6 +21,8 @@ SHARED = {  # things that more than one suite shows, or may show; every other su
     "fricp": {"bunny", "dragon", "models of FGR"},
     "uwa_chef": {"chef"},
     "uwa_scene": {"chef"},
+    "livingroom": {"a living room"},
+    "rgbd_room": {"a living room"},
     "kitti10m": {"streets of Karlsruhe"},
     "lidar_small_gicp": {"streets of Karlsruhe"},
 }
