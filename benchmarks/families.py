@@ -354,8 +354,8 @@ def table(result: Result) -> str:
     parts.append(
         "## Where the shape is hidden\n\nBy noise, in one plane, or by few points; judged by the"
         " models in use for these, which were fitted to half of the shared pairs with noise"
-        " ([calibration](calibration.md)). One plane on another counts as wrong here, though the"
-        " result says in which directions it is free.\n\n"
+        " ([calibration](calibration.md)). One plane on another counts as wrong here; the"
+        " result refuses it, since it slides in two directions.\n\n"
         + markdown(COLUMNS, _where_shape_is_hidden(result["rows"]))
     )
     return "\n\n".join(parts)

@@ -17,7 +17,7 @@ from mpe_core.assess.coincidence import (
 from mpe_core.assess.confidence import DOUBTED_CONFIDENCE
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
-from mpe_core.assess.outline import keep_level, weigh_outline
+from mpe_core.assess.outline import keep_level, turn_outline, weigh_outline
 from mpe_core.assess.rivals import ScoredPose, select_distinct
 from mpe_core.assess.volume import doubt_fit_everywhere, find_exact_pose, may_fill_volume
 from mpe_core.assess.warnings import describe_warnings
@@ -343,7 +343,7 @@ def _find_by_search(
     if certain:
         return select_distinct(certain)
     if planes is not None:
-        return [_find_flat((source, target), planes, options, progress)]
+        return _find_flat((source, target), planes, options, progress)
     found = pipeline.run(progress, levels)
     if not (are_scattered(source) and are_scattered(target)):
         return found
@@ -384,18 +384,31 @@ def _find_flat(
     planes: tuple[Plane, Plane],
     options: RegistrationOptions,
     progress: Progress,
-) -> ScoredPose:
-    """Pose between flat clouds within their planes, by the walls over their outlines."""
+) -> list[ScoredPose]:
+    """Poses between flat clouds within their planes, by the walls over their outlines.
+
+    The best one, followed by those at which the outlines lie on each other as well.
+    """
     outlines = [draw_outline(each, plane) for each, plane in zip(points, planes, strict=True)]
     walls = [validate_cloud(outline.raise_walls(), "outline") for outline in outlines]
     is_level = planes[0].is_level and planes[1].is_level
     searched = RegistrationOptions(yaw_only=is_level, overlap=options.overlap, seed=options.seed)
     # what the walls' surface is like comes from the spacing of the points
     attempt = register_rigidly(walls[0], walls[1], searched, progress, compares_shape=False)
-    T = lay_flat(attempt.found.T_target_source)
-    evidence = weigh_outline(attempt.best.evidence, T, *outlines)
-    lifted = inverse(planes[1].T) @ T @ planes[0].T
-    return ScoredPose(replace(attempt.best.minimum, T=lifted), evidence)
+    found, turned = attempt.found.T_target_source, []
+    for T in turn_outline(outlines[0], found):
+        refined = attempt.pipeline.refine(attempt.pair.from_caller(T))
+        turned.append(attempt.pair.to_caller(refined.minimum.T))
+    poses = []
+    for wall_pose in (found, *attempt.found.alternatives, *turned):
+        T = lay_flat(wall_pose)
+        evidence = weigh_outline(attempt.best.evidence, T, *outlines)
+        lifted = inverse(planes[1].T) @ T @ planes[0].T
+        poses.append(ScoredPose(replace(attempt.best.minimum, T=lifted), evidence))
+    best, *others = poses
+    if not best.evidence.accepted:
+        return [best]
+    return select_distinct([best, *(each for each in others if each.evidence.accepted)])
 
 
 def _estimate_uncertainty(pipeline: Pipeline, pair: CloudPair, pose: ScoredPose) -> PoseUncertainty:

@@ -11,13 +11,16 @@ from scipy.spatial import cKDTree
 from mpe_core.assess.coincidence import CoincidenceEvidence, doubt
 from mpe_core.assess.confidence import Evidence
 from mpe_core.clouds.flat import Outline, Plane
-from mpe_core.geometry.rigid import apply
+from mpe_core.geometry.rigid import apply, axis_rotation, pose
 
 Array = NDArray[np.float64]
 
 MIN_ON_OUTLINE = 0.9
 """Share of the points on the outline, either way, from which on a pose is right; different closed
 curves come to half."""
+
+TURNS_DEG = (45, 60, 90, 120, 135, 180, 225, 240, 270, 300, 315)
+"""Turns by which outlines fit on themselves: rectangles, triangles, squares, hexagons, octagons."""
 
 STEEPNESS = 60.0
 """How much the log odds grow with that share."""
@@ -30,6 +33,13 @@ def keep_level(
     if not (source.is_level and target.is_level):
         return coincidences
     return [(T, evidence) for T, evidence in coincidences if T[2, 2] > 0]
+
+
+def turn_outline(source: Outline, T: Array) -> list[Array]:
+    """Poses (4, 4) that turn the source about its middle before T (4, 4): it may fit so as well."""
+    middle, up = source.points.mean(axis=0), np.array([0.0, 0.0, 1.0])
+    rotations = [axis_rotation(up, np.radians(degrees)) for degrees in TURNS_DEG]
+    return [T @ pose(R, middle - R @ middle) for R in rotations]
 
 
 def weigh_outline(

@@ -86,3 +86,37 @@ def test_a_pose_is_laid_flat_on_either_side(up):
     np.testing.assert_allclose(flat[:3, :3], turn, atol=2e-3)
     assert np.linalg.det(flat[:3, :3]) == pytest.approx(1)
     assert flat[2].tolist() == [0, 0, up, 0]
+
+
+@pytest.mark.parametrize(
+    ("corners", "others"), [(4, 3), (6, 5), (2, 1)], ids=["square", "hexagon", "rectangle"]
+)
+@pytest.mark.parametrize("away", [np.eye(4), motion(5)], ids=["level", "in space"])
+def test_an_outline_that_fits_turned_is_ambiguous(corners, others, away):
+    rng = np.random.default_rng(1)
+    target, source = (plate(corners, rng) for _ in range(2))
+    source = apply(inverse(away), source)
+    found = register(source, target)
+    assert found.accepted
+    assert found.ambiguous
+    assert len(found.alternatives) >= others
+    for T in (found.T_target_source, *found.alternatives):
+        assert share_inside(apply(T, source), corners) > 0.98
+
+
+def plate(corners, rng):
+    """Points of a regular polygon, or of a rectangle."""
+    points = np.column_stack([rng.uniform(-1, 1, (12000, 2)), np.zeros(12000)])
+    return points[is_inside(points, corners)][:4000]
+
+
+def is_inside(points, corners, margin=0.0):
+    if corners == 2:
+        return (np.abs(points) < np.array([1, 0.6, 1e-6]) + margin).all(axis=1)
+    angles = 2 * np.pi * np.arange(corners) / corners
+    sides = np.column_stack([np.cos(angles), np.sin(angles)])
+    return ((points[:, :2] @ sides.T).max(axis=1) < 0.8 + margin) & (np.abs(points[:, 2]) < 1e-2)
+
+
+def share_inside(points, corners):
+    return is_inside(points, corners, margin=0.03).mean()
