@@ -23,8 +23,9 @@ ONE_CORE, THROTTLED = "one core for all threads", "stopped beyond one core's tim
 MAX_SLOWER = 1.1
 """Time of all threads over that of one up to which threads do no harm."""
 
-PERIOD = 0.02
-"""Seconds between two looks of the throttle at the time that a process has used."""
+PERIOD, LOOK = 0.1, 0.002
+"""Seconds of a period of the throttle, as those of control groups, and between two looks at the
+time that a process has used."""
 WAYS = {
     "1 thread": {"NUMBA_NUM_THREADS": "1"},
     "all threads": {},
@@ -77,17 +78,19 @@ def _row(way: str, beside: str) -> Result:
 
 
 def _throttle(process: subprocess.Popen[str]) -> None:
-    """Stop the process while it has used more than the time of one core, of late."""
-    credit, is_stopped = PERIOD, False
-    then, used = time.monotonic(), 0.0
+    """Give the process one core's time in each period, as the kernel's bandwidth control does.
+
+    It is stopped until the next period once it has used that; unused time is lost.
+    """
+    begin, before, is_stopped = time.monotonic(), _used(process.pid), False
     while process.poll() is None:
-        now, total = time.monotonic(), _used(process.pid)
-        credit = min(PERIOD, credit + (now - then) - (total - used))
-        then, used = now, total
-        if (credit < 0) != is_stopped:
-            is_stopped = credit < 0
+        now, used = time.monotonic(), _used(process.pid)
+        if now - begin >= PERIOD:
+            begin, before = begin + PERIOD, min(used, before + PERIOD)
+        if (used - before >= PERIOD) != is_stopped:
+            is_stopped = not is_stopped
             process.send_signal(signal.SIGSTOP if is_stopped else signal.SIGCONT)
-        time.sleep(PERIOD)
+        time.sleep(LOOK)
 
 
 def _used(pid: int) -> float:
@@ -126,8 +129,8 @@ def table(result: Result) -> str:
     return (
         f"Seconds of {len(PAIRS)} real pairs, median of {ROUNDS} rounds in turn, each in a process "
         f"of its own that is warm, on {os.cpu_count()} cores. Wanted: all threads take at most "
-        f"{MAX_SLOWER} of the time of one. A throttle stops the process while it has used more "
-        "than the time of one core.\n\n"
+        f"{MAX_SLOWER} of the time of one. A throttle stops the process when it has used the time "
+        "of one core in a period of 0.1 s, until the next one.\n\n"
         + markdown(("beside", *WAYS, "all threads over one", "verdict"), rows)
     )
 
