@@ -155,13 +155,11 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
-            if (
-                level.with_levelled
-                and self._layers is not None
-                and not self._is_told_from_slides(self.compare(poses), level)
-            ):
-                self._search_levelled(poses, progress)
             poses = self.compare(poses)
+            is_told = self._is_told_from_slides(poses, level)
+            if level.with_levelled and self._layers is not None and not is_told:
+                self._search_levelled(poses, progress)
+                poses = self.compare(poses)
             if self._has_convincing(poses, level):
                 break
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)

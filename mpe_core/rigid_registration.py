@@ -84,7 +84,7 @@ class Attempt(Trial):
     """Whether intensity or colour settled the pose."""
 
     @property
-    def slides(self) -> bool:
+    def is_on_plane(self) -> bool:
         """Whether the clouds fit, but are refused since what both show is one plane."""
         return self.best.evidence.accepted and not self.found.accepted
 
@@ -395,19 +395,19 @@ def _find_flat(
     searched = RegistrationOptions(yaw_only=is_level, overlap=options.overlap, seed=options.seed)
     # what the walls' surface is like comes from the spacing of the points
     attempt = register_rigidly(walls[0], walls[1], searched, progress, compares_shape=False)
-    found, turned = attempt.found.T_target_source, []
-    for T in turn_outline(outlines[0], found):
-        refined = attempt.pipeline.refine(attempt.pair.from_caller(T))
-        turned.append(attempt.pair.to_caller(refined.minimum.T))
-    poses = []
-    for wall_pose in (found, *attempt.found.alternatives, *turned):
+
+    def laid_flat(wall_pose: NDArray[np.float64]) -> ScoredPose:
         T = lay_flat(wall_pose)
         evidence = weigh_outline(attempt.best.evidence, T, *outlines)
         lifted = inverse(planes[1].T) @ T @ planes[0].T
-        poses.append(ScoredPose(replace(attempt.best.minimum, T=lifted), evidence))
-    best, *others = poses
+        return ScoredPose(replace(attempt.best.minimum, T=lifted), evidence)
+
+    best = laid_flat(attempt.found.T_target_source)
     if not best.evidence.accepted:
         return [best]
+    starts = map(attempt.pair.from_caller, turn_outline(outlines[0], attempt.found.T_target_source))
+    turned = [attempt.pair.to_caller(attempt.pipeline.refine(T).minimum.T) for T in starts]
+    others = map(laid_flat, (*attempt.found.alternatives, *turned))
     return select_distinct([best, *(each for each in others if each.evidence.accepted)])
 
 

@@ -92,7 +92,7 @@ def register_scaled(
         return _with_cause(first.found, SETTLED)
     if first.found.accepted:
         return _doubt(first, options, progress)
-    if first.slides:
+    if first.is_on_plane:
         return first.found  # on one plane any scale and either hand fit
     return _with_cause(first.found, _name_cause(source, target, first, options, progress))
 

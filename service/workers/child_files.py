@@ -42,7 +42,7 @@ def store_result(scratch: Path, blobs: BlobStore) -> tuple[Blob, Blob]:
         is_complete = not pairs or count_pairs(pairs) == result.inliers.count
         inliers = _copy(scratch / INLIERS_NAME, blobs)
         count = len(read_inliers(blobs.path(inliers.sha256)))
-    except (NotPlainFileError, ValidationError, ValueError, EOFError) as error:
+    except (NotPlainFileError, ValidationError, ValueError) as error:
         raise ChildLostError("its result is missing or not valid") from error
     if not (is_complete and count == result.inliers.count):
         raise ChildLostError("its inlier pairs are not those of its result")
