@@ -8,6 +8,7 @@ though, a right pose explains every point of both.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class Completeness:
     """What poses leave unexplained of both clouds."""
 
     def __init__(self, source: Points, target: Points, regime: Regime) -> None:
-        """Sort both clouds into cells.
+        """Choose the tolerance.
 
         Parameters
         ----------
@@ -49,13 +50,22 @@ class Completeness:
         regime
             Noise and density of the pair.
         """
-        reach = max(
+        self._clouds = source, target
+        self._reach = max(
             EXPLAINED_TOL,
             EXPLAINED_TOL_SPACINGS * regime.spacing,
             EXPLAINED_TOL_NOISES * regime.roughness,
         )
-        self._cells = CellList(source, reach), CellList(target, reach)
-        self._subsets = take_every(source, SUBSET_POINTS), take_every(target, SUBSET_POINTS)
+
+    @cached_property
+    def _cells(self) -> tuple[CellList, CellList]:
+        source, target = self._clouds
+        return CellList(source, self._reach), CellList(target, self._reach)
+
+    @cached_property
+    def _subsets(self) -> tuple[Points, Points]:
+        source, target = self._clouds
+        return take_every(source, SUBSET_POINTS), take_every(target, SUBSET_POINTS)
 
     def share_left(self, T: Array) -> float:
         """Share of the points of the cloud of which the pose T (4, 4) explains less."""

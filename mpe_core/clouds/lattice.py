@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mpe_core.geometry.distances import distances_from
+
 Array = NDArray[np.float64]
 
 FEW_PROBES, PROBES = 5, 20
@@ -37,8 +39,8 @@ def find_boundary(points: Array) -> NDArray[np.bool_] | None:
         return None
     edge = 0.0
     for count in (FEW_PROBES, PROBES):
-        probes = points[np.linspace(0, len(points) - 1, count).astype(np.int64)]
-        nearest = np.array([_nearest_distances(points, probe) for probe in probes])
+        probes = np.linspace(0, len(points) - 1, count).astype(np.int64)
+        nearest = np.array([_equally_near(points, row) for row in probes])
         edge = float(np.median(nearest[:, 0]))
         share = _is_full(nearest, edge).mean()
         if edge == 0 or not share or (count == PROBES and share < MIN_SOLID):
@@ -48,11 +50,12 @@ def find_boundary(points: Array) -> NDArray[np.bool_] | None:
     return boundary if MIN_SOLID <= 1 - boundary.mean() < 1 else None
 
 
-def _nearest_distances(points: Array, probe: Array) -> Array:
-    """(6,) distances of the nearest points from a point of the cloud."""
-    square = np.square(points - probe).sum(axis=1)
-    nearest: Array = np.sqrt(np.sort(np.partition(square, NEIGHBOURS)[: NEIGHBOURS + 1])[1:])
-    return nearest
+def _equally_near(points: Array, row: int) -> Array:
+    """(6,) distances of the points nearest to one; infinite where they are not like the least."""
+    distance = distances_from(points, points[row])
+    distance[row] = np.inf
+    near = np.sort(distance[distance <= (1 + 3 * LATTICE_TOL) * distance.min()])[:NEIGHBOURS]
+    return np.append(near, np.full(NEIGHBOURS - len(near), np.inf))
 
 
 def _is_full(distances: Array, edge: float) -> NDArray[np.bool_]:

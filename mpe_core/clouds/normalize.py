@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpe_core.clouds.uneven import even_out
 from mpe_core.clouds.validate import Cloud
 from mpe_core.geometry.bounds import centered
+from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.sampling import take_every
 from mpe_core.geometry.viewpoints import as_viewpoints
@@ -123,6 +124,5 @@ def robust_radius(points: Array, centre: Array) -> float:
 
     The largest distance if that is zero. Every k-th of many points is taken.
     """
-    subset = take_every(points, RADIUS_SUBSET_POINTS) - centre
-    distance = np.sqrt(np.einsum("ni,ni->n", subset, subset))
+    distance = distances_from(take_every(points, RADIUS_SUBSET_POINTS), centre)
     return float(np.quantile(distance, RADIUS_QUANTILE)) or float(distance.max())

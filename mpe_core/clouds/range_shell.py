@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
+from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.sampling import take_every
 
 Array = NDArray[np.float64]
@@ -60,9 +62,9 @@ def find_range_shell(points: Array, viewpoints: Array | None = None) -> Rows | N
         radius = _shell_radius(subset, centre)
         if radius is None:
             continue
-        distance = np.sqrt(np.square(points - centre).sum(axis=1))
+        distance = distances_from(points, centre)
         shell: Rows = np.abs(distance - radius) <= SHELL_TOL * radius
-        if _is_shell(points, centre, shell):
+        if _is_shell(points - centre, distance, shell):
             return shell
     return None
 
@@ -81,23 +83,18 @@ def _centres(subset: Array, viewpoints: Array | None) -> Iterator[Array]:
 def _best_centre(subset: Array) -> Array | None:
     """(3,) centre of the sphere through four points that holds the most others."""
     middle = np.median(subset, axis=0)
-    distance = np.square(subset - middle).sum(axis=1)
-    far = subset[np.argsort(distance)[int((1 - FAR_SHARE) * len(subset)) :]]
+    distance = distances_from(subset, middle)
+    far = subset[np.argsort(distance)[int((1 - FAR_SHARE) * len(subset)) :]] - middle
     rows = np.random.default_rng(0).integers(0, len(far), (TRIES, 4))
-    corners = far[rows] - middle
+    corners = far[rows]
     A, b = 2 * (corners[:, 1:] - corners[:, :1]), np.square(corners).sum(axis=2)
     flat = np.abs(np.linalg.det(A)) <= 1e-9 * np.abs(A).max(axis=(1, 2)) ** 3
     A[flat] = np.eye(3)
     centres = np.linalg.solve(A, (b[:, 1:] - b[:, :1])[..., None])[..., 0]
     radii = np.sqrt(np.square(corners[:, 0] - centres).sum(axis=1))
-    ranges = np.sqrt(
-        np.square(far - middle).sum(axis=1)
-        + np.square(centres).sum(axis=1)[:, None]
-        - 2 * np.einsum("ki,ni->kn", centres, far - middle)
-    )
-    on = np.abs(ranges - radii[:, None]) <= SHELL_TOL * radii[:, None]
+    on = np.abs(cdist(centres, far) - radii[:, None]) <= SHELL_TOL * radii[:, None]
     # from a scanner within the cloud; planes lie on huge spheres
-    on[flat | (radii > MAX_RADIUS * np.sqrt(distance.max()))] = False
+    on[flat | (radii > MAX_RADIUS * distance.max())] = False
     best = int(np.argmax(on.sum(axis=1)))
     if on[best].sum() < MIN_SHELL * len(subset) + 4:
         return None
@@ -107,19 +104,18 @@ def _best_centre(subset: Array) -> Array | None:
 
 def _shell_radius(subset: Array, centre: Array) -> float | None:
     """Range of the farthest points, if enough of them have the same."""
-    distance = np.sort(np.sqrt(np.square(subset - centre).sum(axis=1)))
+    distance = np.sort(distances_from(subset, centre))
     outermost = distance[: len(distance) - int(MAX_OUTSIDE * len(distance))][-1]
     radius = float(np.median(distance[distance > (1 - SHELL_TOL) * outermost]))
     share = np.mean(np.abs(distance - radius) <= SHELL_TOL * radius)
     return radius if radius > 0 and MIN_SHELL <= share <= MAX_SHELL else None
 
 
-def _is_shell(points: Array, centre: Array, shell: Rows) -> bool:
-    distance = np.square(points - centre).sum(axis=1)
-    outside = np.count_nonzero(distance > 1.001 * distance[shell].max()) if shell.any() else 0
-    if not MIN_SHELL <= shell.mean() <= MAX_SHELL or outside > MAX_OUTSIDE * len(points):
+def _is_shell(rays: Array, ranges: Array, shell: Rows) -> bool:
+    outside = np.count_nonzero(ranges > 1.0005 * ranges[shell].max()) if shell.any() else 0
+    if not MIN_SHELL <= shell.mean() <= MAX_SHELL or outside > MAX_OUTSIDE * len(rays):
         return False
-    beams = _direction_bins(points - centre)
+    beams = _direction_bins(rays)
     shared = np.isin(beams[shell], beams[~shell])
     return bool(shared.mean() <= MAX_SHARED_DIRECTIONS)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.sampling import take_every
 from mpe_core.kernels.equal_steps import step_equations, unequal_steps
 
@@ -93,12 +94,13 @@ def infer_viewpoint(points: Array) -> InferredViewpoint | None:
     """
     some = take_every(points, EXTENT_POINTS)
     centre = np.median(some, axis=0)
-    radius = float(np.quantile(np.linalg.norm(some - centre, axis=1), 0.98))
+    radius = float(np.quantile(distances_from(some, centre), 0.98))
     if len(points) < MIN_TRIPLES or radius == 0:
         return None
-    triples = _telling_triples((_take_runs(points) - centre) / radius)
+    triples = _telling_triples(points, radius)
     if triples is None:
         return None
+    triples = (triples - centre) / radius
     place = _find_place(triples)
     are_equal = _are_equal(triples, place)
     if not _is_certain(triples, place, are_equal):
@@ -107,34 +109,41 @@ def infer_viewpoint(points: Array) -> InferredViewpoint | None:
     return InferredViewpoint((x, y, z), float(are_equal.mean()))
 
 
-def _take_runs(points: Array) -> Array:
-    """Take runs (RUNS, L, 3) of points that follow one another, spread over the cloud."""
+def _telling_triples(points: Array, radius: float) -> Array | None:
+    """(K, 3, 3) points in a row, in their order, where the surface bends; None if too few do.
+
+    They come from runs that are spread over the cloud (N, 3) of this radius.
+    """
     length = min(MAX_RUN, len(points) // RUNS)
     starts = np.linspace(0, len(points) - length, RUNS).astype(np.intp)
-    runs: Array = points[starts[:, None] + np.arange(length)]
-    return runs
-
-
-def _telling_triples(runs: Array) -> Array | None:
-    """(K, 3, 3) points in a row, in their order, where the surface bends; None if too few do."""
-    steps = np.diff(runs, axis=1)
-    lengths = np.linalg.norm(steps, axis=-1)
-    if np.median(lengths) > MAX_STEP:
+    steps = [np.diff(points[start : start + length], axis=0) for start in starts]
+    lengths = [_lengths(each) for each in steps]
+    if np.median(lengths) > MAX_STEP * radius:
         return None
-    bend = 2 * np.linalg.norm(np.diff(steps, axis=1), axis=-1)
-    run, row = np.nonzero(bend > MIN_BEND * (lengths[:, 1:] + lengths[:, :-1]))
-    if len(row) < MIN_TRIPLES:
+    bends = [
+        2 * _lengths(np.diff(step, axis=0)) > MIN_BEND * (size[1:] + size[:-1])
+        for step, size in zip(steps, lengths, strict=True)
+    ]
+    rows = np.concatenate(
+        [start + np.flatnonzero(each) for start, each in zip(starts, bends, strict=True)]
+    )
+    if len(rows) < MIN_TRIPLES:
         return None
-    chosen = np.linspace(0, len(row) - 1, min(len(row), MAX_TRIPLES)).astype(np.intp)
-    triples: Array = runs[run[chosen, None], row[chosen, None] + np.arange(3)]
+    chosen = np.linspace(0, len(rows) - 1, min(len(rows), MAX_TRIPLES)).astype(np.intp)
+    triples: Array = points[rows[chosen, None] + np.arange(3)]
     return triples
+
+
+def _lengths(vectors: Array) -> Array:
+    """(N,) lengths of the vectors (N, 3)."""
+    lengths: Array = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
+    return lengths
 
 
 def _find_place(triples: Array) -> Array:
     """(3,) place of the least loss, in the middle of the cloud or around it."""
-    starts = _starts()
     few = take_every(triples, COARSE_TRIPLES)
-    places = _best_places(take_every(triples, START_TRIPLES), starts, 0.5, SIFTED_STARTS)
+    places = _best_places(take_every(triples, START_TRIPLES), _starts(), 0.5, SIFTED_STARTS)
     places = _best_places(few, places, 0.5, DESCENDED_STARTS)
     for scale in COARSE_SCALES:
         places = _move(few, places, scale)

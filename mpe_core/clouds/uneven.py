@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.sampling import take_every
 
 Array = NDArray[np.float64]
@@ -41,11 +42,12 @@ def even_out(points: Array, centre: Array, radius: float) -> tuple[Array, float]
     centre, radius
         Those by the number of points; returned as they are for all other clouds.
     """
-    distance = np.sqrt(np.square(points - centre).sum(axis=1))
-    spot = float(np.quantile(distance, SPOT_SHARE))
-    has_spot = spot < SPOT_SIZE * distance.max()
+    distance = distances_from(points, centre)
+    in_spot = np.count_nonzero(distance < SPOT_SIZE * distance.max())
+    has_spot = in_spot > SPOT_SHARE * len(points)
     if distance.max() <= MIN_RATIO * radius and not has_spot:
         return centre, radius
+    spot = float(np.quantile(distance, SPOT_SHARE))
     outer = points[distance > (2 * spot if has_spot else 1.5 * radius)]
     if len(outer) < MIN_OUTER_POINTS or not _is_surface(outer):
         return centre, radius
@@ -53,7 +55,7 @@ def even_out(points: Array, centre: Array, radius: float) -> tuple[Array, float]
     cells = np.unique(np.floor((points - low) * (CELLS_PER_LENGTH / extent)), axis=0)
     places = (cells + 0.5) * (extent / CELLS_PER_LENGTH) + low
     middle = places.mean(axis=0)
-    reach = float(np.quantile(np.sqrt(np.square(places - middle).sum(axis=1)), CELL_QUANTILE))
+    reach = float(np.quantile(distances_from(places, middle), CELL_QUANTILE))
     least = radius if spot < SPOT_SIZE * reach else MIN_RATIO * radius
     return (middle, reach) if reach > least else (centre, radius)
 

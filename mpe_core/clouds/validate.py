@@ -17,6 +17,7 @@ from mpe_core.errors import (
     TooFewPointsError,
 )
 from mpe_core.geometry.bounds import Extent, centered, measure_extent, scatter_matrix
+from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.validation import MAX_COORDINATE, MIN_EXTENT
 from mpe_core.geometry.viewpoints import as_viewpoints
@@ -63,7 +64,7 @@ class Cloud:
     def spread(self) -> float:
         """Root mean square distance of the points from their mean."""
         points = self.weighted(self.points)
-        return float(np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean()))
+        return float(np.sqrt(np.square(distances_from(points, points.mean(axis=0))).mean()))
 
     def original_index(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the caller's array, for rows of `points`."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.preprocess import Sample
-from mpe_core.kernels.plane_descent import descend_on_planes
+from mpe_core.kernels.plane_descent import find_nearest, find_unknown, step_on_planes
 from mpe_core.refine.minimum import STEP_TOL, Criterion, Minimum
 from mpe_core.refine.target_planes import TargetPlanes
 
@@ -53,19 +53,31 @@ def minimize_point_to_plane(
     """
     ends = np.array(poses, np.float64, order="C")
     outward = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
-    feet, normals = target.all_planes(smooth=smooth)
     cutoffs = np.array([FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff], np.float32)
     tolerances = np.array([FIRST_STEP_TOL_FACTOR * STEP_TOL, STEP_TOL])
-    steps, converged = descend_on_planes(
-        ends,
-        (sample.points, outward),
-        (feet, normals, target.cells.reach),
-        target.cells.arrays,
-        (cutoffs[is_near:], tolerances[is_near:], max_steps),
-        motion_basis @ np.linalg.pinv(motion_basis),
-    )
+    cutoffs, tolerances = cutoffs[is_near:], tolerances[is_near:]
+    allowed = motion_basis @ np.linalg.pinv(motion_basis)
+    nearest = np.full((len(ends), len(sample.points)), -1, np.int32)
+    steps, rounds = np.zeros((2, len(ends)), np.int64)
+    for _ in range(max_steps):
+        rows = np.flatnonzero(rounds < len(cutoffs))
+        if not len(rows):
+            break
+        find_nearest(ends, rows, nearest, sample.points, target.cells.reach, target.cells.arrays)
+        target.fit(find_unknown(nearest, rows, target.is_fitted))
+        sizes = step_on_planes(
+            ends,
+            rows,
+            nearest,
+            (sample.points, outward),
+            target.planes(smooth=smooth),
+            cutoffs[rounds[rows]],
+            allowed,
+        )
+        steps[rows] += 1
+        rounds[rows] += sizes < tolerances[rounds[rows]]
     criterion: Criterion = "smoothed_point_to_plane" if smooth else "point_to_plane"
     return [
-        Minimum(T, bool(has_ended), int(taken), criterion)
-        for T, has_ended, taken in zip(ends, converged, steps, strict=True)
+        Minimum(T, bool(ended == len(cutoffs)), int(taken), criterion)
+        for T, ended, taken in zip(ends, rounds, steps, strict=True)
     ]

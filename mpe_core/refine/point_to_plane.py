@@ -126,12 +126,12 @@ class PointToPlane:
     @cached_property
     def variation(self) -> Points:
         """(N,) surface variation of the moving cloud around the points of the sample."""
-        return self._own_planes(self._sample).comparable_variation(self.radius)
+        return self._planes_of_sample.comparable_variation(self.radius)
 
     @cached_property
     def variation_of_subset(self) -> Points:
         """(n,) surface variation around the points that `match_subset` takes."""
-        return self._own_planes(self._subset).comparable_variation(self.radius)
+        return self._planes_of_subset.comparable_variation(self.radius)
 
     @cached_property
     def variation_of_fixed(self) -> Points:
@@ -194,7 +194,7 @@ class PointToPlane:
 
     def _fits_better_smoothed(self, T: Array) -> bool:
         raw = self.match_subset(T)
-        smoothed = match_planes(self._smoothed(self._subset), self._planes, T, smooth=True)
+        smoothed = match_planes(self._smoothed_subset, self._planes, T, smooth=True)
         cutoff = self._planes.cutoff
         return smoothed.weighted_rms(cutoff) < MAX_SMOOTHED_RATIO * raw.weighted_rms(cutoff)
 
@@ -204,22 +204,32 @@ class PointToPlane:
 
     @cached_property
     def _smoothed_sample(self) -> Sample:
-        return self._smoothed(self._sample)
+        return _projected(self._sample, self._planes_of_sample)
 
-    def _smoothed(self, sample: Sample) -> Sample:
-        """Project the sample on the planes through its own neighbours."""
-        return Sample(self._own_planes(sample).project(sample.points), sample.normals)
+    @cached_property
+    def _smoothed_subset(self) -> Sample:
+        return _projected(self._subset, self._planes_of_subset)
 
-    def _own_planes(self, sample: Sample) -> LocalPlanes:
-        """Fit planes through the neighbours of the sample in the moving cloud."""
-        return self._moving_cells.planes(sample.points)
+    @cached_property
+    def _planes_of_sample(self) -> LocalPlanes:
+        """Planes through the neighbours of the sample in the moving cloud."""
+        return self._moving_cells.planes(self._sample.points)
+
+    @cached_property
+    def _planes_of_subset(self) -> LocalPlanes:
+        return self._moving_cells.planes(self._subset.points)
 
     @cached_property
     def _moving_cells(self) -> CellList:
         return CellList(self._moving.fine, self.radius)
 
     def _information(self, T: Array) -> Array:
-        normals = self._own_planes(self._subset).normals
+        normals = self._planes_of_subset.normals
         return covariance.surface_information(
             self._subset, normals, self._planes, T, self._motion_basis
         )
+
+
+def _projected(sample: Sample, planes: LocalPlanes) -> Sample:
+    """Project the sample on the planes at its points."""
+    return Sample(planes.project(sample.points), sample.normals)

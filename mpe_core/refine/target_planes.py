@@ -64,7 +64,8 @@ class TargetPlanes:
         self._normals = np.zeros_like(self.cells.points)
         self._feet = self.cells.points.copy()
         self._variation = np.zeros(len(points), np.float32)
-        self._is_fitted = np.zeros(len(points), np.bool_)
+        self.is_fitted = np.zeros(len(points), np.bool_)
+        """(M,) whether the plane at a row of `cells.points` was fitted."""
         self._viewpoints = viewpoints
 
     @property
@@ -85,11 +86,11 @@ class TargetPlanes:
         variation
             (N,) surface variation around each point; NaN at the border of the cloud.
         """
-        self._fit(np.unique(rows[~self._is_fitted[rows]]))
+        self.fit(np.unique(rows[~self.is_fitted[rows]]))
         return self._feet[rows], self._normals[rows], self._variation[rows]
 
-    def all_planes(self, *, smooth: bool) -> tuple[Points, Points]:
-        """Planes at all rows of `cells.points`.
+    def planes(self, *, smooth: bool) -> tuple[Points, Points]:
+        """Return the planes at all rows of `cells.points`, as far as they were fitted.
 
         Parameters
         ----------
@@ -100,10 +101,9 @@ class TargetPlanes:
         -------
         A point (M, 3) of each plane and the unit normals (M, 3), as those of `planes_at`.
         """
-        self._fit(np.flatnonzero(~self._is_fitted))  # together, all take as long as some of them
         return self._feet if smooth else self.cells.points, self._normals
 
-    def _fit(self, rows: NDArray[np.integer]) -> None:
+    def fit(self, rows: NDArray[np.integer]) -> None:
         """Fit the planes at the rows of `cells.points`."""
         if len(rows) == 0:
             return
@@ -114,7 +114,7 @@ class TargetPlanes:
             normals = orient_normals(points, normals, self._viewpoints)
         self._feet[rows], self._normals[rows] = planes.project(points), normals
         self._variation[rows] = planes.comparable_variation(self.radius)
-        self._is_fitted[rows] = True
+        self.is_fitted[rows] = True
 
     def variation_of_subset(self) -> Points:
         """(N,) surface variation at some of the points."""

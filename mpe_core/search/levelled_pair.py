@@ -38,8 +38,11 @@ def level_clouds(source: PreparedCloud, target: PreparedCloud) -> LevelledPair |
     if not all(may_have_ground(surface.points, surface.normals) for surface in surfaces):
         return None
     x, y = (_within_reach(surface.points) for surface in surfaces)
-    ground_x, ground_y = find_ground(x), find_ground(y)
-    if min(ground_x.share, ground_y.share) < MIN_GROUND_SHARE:
+    ground_x = find_ground(x)
+    if ground_x.share < MIN_GROUND_SHARE:
+        return None
+    ground_y = find_ground(y)
+    if ground_y.share < MIN_GROUND_SHARE:
         return None
     roofed = has_ceiling(x, ground_x) or has_ceiling(y, ground_y)
     grounds = [ground_x]
