@@ -97,7 +97,7 @@ class PosePipeline:
         size_ratio: float = 1.0,
         *,
         compares_shape: bool = True,
-        is_trial: bool = False,
+        trial_score: float | None = None,
     ) -> None:
         """Choose the refiner that suits noise and density of the clouds.
 
@@ -113,11 +113,12 @@ class PosePipeline:
             Radius of the larger cloud over that of the smaller one.
         compares_shape
             Whether points have to meet points of the same local shape.
-        is_trial
-            Whether `run` leaves the best pose where its comparison with others left it.
+        trial_score
+            Score by itself that a pose has to reach to be of use, where `run` is a trial: it leaves
+            the best pose where its comparison with others left it. None where it is none.
         """
         self.source, self.target, self._prior, self._options = source, target, prior, options
-        self._size_ratio, self._is_trial = size_ratio, is_trial
+        self._size_ratio, self._trial_score = size_ratio, trial_score
         self._regime = choose_regime(source, target)
         self._free_space = _free_space(source, target)
         planes = choose_planes(source, target, prior, self._regime, options)
@@ -155,6 +156,8 @@ class PosePipeline:
                 candidates = self.find_candidates(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
+            if all(pose.evidence.score < self._least_score for pose in poses):
+                break  # comparisons only take from a score
             poses = self.compare(poses)
             is_told = self._is_told_from_slides(poses, level)
             if level.with_levelled and self._layers is not None and not is_told:
@@ -166,7 +169,7 @@ class PosePipeline:
         if self._prior.initial is not None:
             ordered = self._prefer_near_start(self._prior.initial, ordered)
         best, *others = select_equal(ordered)
-        return [best if self._is_trial else self.finish(best), *others]
+        return [best if self._trial_score is not None else self.finish(best), *others]
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
         """Order the poses and that next to the start: near ones first, within the given range."""
@@ -178,6 +181,11 @@ class PosePipeline:
             poses = [pose for pose, is_near in zip(poses, in_range, strict=True) if is_near]
             poses = poses or [ScoredPose(Minimum(start, False, 0), self.scorer.score(start))]
         return prefer_near_start(poses, lambda pose: self._prior.distance(pose.minimum.T))
+
+    @property
+    def _least_score(self) -> float:
+        """Score by itself from which on a pose is of use."""
+        return -np.inf if self._trial_score is None else self._trial_score
 
     @property
     def has_noise(self) -> bool:
@@ -295,7 +303,8 @@ class PosePipeline:
             report(row / len(poses))
             found.append((row, near, self.scorer.score_subset(near)))
         found.sort(key=lambda each: each[2].sort_key, reverse=True)
-        least = max(evidence.score for _, _, evidence in found) - MAX_SCORE_GAP
+        best = max(evidence.score for _, _, evidence in found)
+        least = max(best, self._least_score) - MAX_SCORE_GAP
         return [
             _Preselected(row, T, None if evidence.score >= least else evidence)
             for row, T, evidence in found[:MAX_REFINED]

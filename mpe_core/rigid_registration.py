@@ -134,13 +134,17 @@ def search_trial(
     levels: Sequence[SearchLevel],
 ) -> Trial:
     """Find the best rigid pose, neither brought to its exact end nor described."""
-    pair, pipeline = _prepare(source, target, options, progress, is_trial=True)
+    pair, pipeline = _prepare(source, target, options, progress, trial_score=-np.inf)
     best = _find_poses(pipeline, pair, options, progress, levels)[0]
     return Trial(best, pipeline, pair)
 
 
 def search_mirrored(
-    trial: Trial, options: RegistrationOptions, progress: Progress, levels: Sequence[SearchLevel]
+    trial: Trial,
+    options: RegistrationOptions,
+    progress: Progress,
+    levels: Sequence[SearchLevel],
+    least_score: float = -np.inf,
 ) -> Trial:
     """Find the best pose, as `search_trial` does, with the x of a trial's source turned to -x.
 
@@ -154,11 +158,13 @@ def search_mirrored(
         Takes stages and times.
     levels
         Levels of the search.
+    least_score
+        Score by itself from which on a pose is of use.
     """
     pair = trial.pair.with_mirrored_source()
     source, target = trial.pipeline.clouds
     pipeline = _choose_pipeline(
-        pair, (source.mirrored(), target), options, compares_shape=True, is_trial=True
+        pair, (source.mirrored(), target), options, compares_shape=True, trial_score=least_score
     )
     best = _find_poses(pipeline, pair, options, progress, levels)[0]
     return Trial(best, pipeline, pair)
@@ -171,7 +177,7 @@ def _prepare(
     progress: Progress,
     *,
     compares_shape: bool = True,
-    is_trial: bool = False,
+    trial_score: float | None = None,
 ) -> tuple[CloudPair, Pipeline]:
     """Normalize the clouds, and choose what matches them."""
     with progress.stage("prepare") as report:
@@ -179,7 +185,7 @@ def _prepare(
         pair, clouds = prepare_pair(source, target, options)
         report(0.8)
         return pair, _choose_pipeline(
-            pair, clouds, options, compares_shape=compares_shape, is_trial=is_trial
+            pair, clouds, options, compares_shape=compares_shape, trial_score=trial_score
         )
 
 
@@ -189,7 +195,7 @@ def _choose_pipeline(
     options: RegistrationOptions,
     *,
     compares_shape: bool,
-    is_trial: bool,
+    trial_score: float | None,
 ) -> Pipeline:
     """Pipeline that moves the source, or the target where the source is the larger cloud."""
     source, target = clouds
@@ -203,7 +209,7 @@ def _choose_pipeline(
             options,
             pair.size_ratio,
             compares_shape=compares_shape,
-            is_trial=is_trial,
+            trial_score=trial_score,
         )
     inner = PosePipeline(
         target,
@@ -212,7 +218,7 @@ def _choose_pipeline(
         options,
         pair.size_ratio,
         compares_shape=compares_shape,
-        is_trial=is_trial,
+        trial_score=trial_score,
     )
     planes = choose_planes(source, target, prior, choose_regime(source, target), options)
     return ExchangedPipeline(inner, planes)

@@ -148,10 +148,11 @@ def _other_hand(
     first: Attempt, options: RegistrationOptions, progress: Progress
 ) -> CodedWarning | None:
     """Name the other hand where the mirrored source fits clearly better than an accepted pose."""
-    trial = _search_mirrored(first, options, progress)
-    before, after = first.best.evidence, trial.best.evidence
+    before = first.best.evidence
+    least_score = before.score + MIRROR_SCORE
+    after = _search_mirrored(first, options, progress, least_score).best.evidence
     is_better = after.sort_key > before.sort_key
-    return MIRRORED if is_better and after.score > before.score + MIRROR_SCORE else None
+    return MIRRORED if is_better and after.score > least_score else None
 
 
 def _name_cause(
@@ -206,12 +207,14 @@ def _at_scale(options: RegistrationOptions, scale: float) -> RegistrationOptions
     return replace(options, source_viewpoint=scaled)
 
 
-def _search_mirrored(first: Trial, options: RegistrationOptions, progress: Progress) -> Trial:
+def _search_mirrored(
+    first: Trial, options: RegistrationOptions, progress: Progress, least_score: float = -np.inf
+) -> Trial:
     """Search with the source's x turned to -x, and what the caller knows of it."""
     g = options.source_gravity
     gravity = None if g is None else (-g[0], g[1], g[2])
     options = replace(options, source_gravity=gravity)
-    return search_mirrored(first, options, progress, MIRROR_LEVELS)
+    return search_mirrored(first, options, progress, MIRROR_LEVELS, least_score)
 
 
 def _register_free(

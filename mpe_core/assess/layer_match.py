@@ -33,6 +33,7 @@ class LayerMatch:
         self._fixed = pair.target.draw(np.eye(2), self._shift, self._cells)
         clouds = pair.target, pair.source[0]
         self._occupied = min(cloud.count_occupied() for cloud in clouds)
+        self._known: dict[bytes, Array | None] = {}
 
     def relative_scores(self, poses: list[Array], is_plausible: list[bool]) -> list[float | None]:
         """Scores of poses T_target_source (4, 4) over those of the best plausible one.
@@ -41,7 +42,7 @@ class LayerMatch:
         conflicts, and must not outweigh all else. None where the grounds of the clouds do not lie
         on each other at the pose, or no plausible pose matches.
         """
-        scores = [self.scores(T) for T in poses]
+        scores = [self._known_scores(T) for T in poses]
         known = [
             score
             for score, plausible in zip(scores, is_plausible, strict=True)
@@ -56,6 +57,13 @@ class LayerMatch:
             None if score is None else max(0.0, float(np.clip(score / best, -1, 1).mean()))
             for score in scores
         ]
+
+    def _known_scores(self, T: Array) -> Array | None:
+        """Scores at a pose, which is compared anew at each level of a search."""
+        key = T.tobytes()
+        if key not in self._known:
+            self._known[key] = self.scores(T)
+        return self._known[key]
 
     def scores(self, T: Array) -> Array | None:
         """(K,) scores of the levelled search, one for each of its CONFLICT_WEIGHTS, at a pose.
