@@ -33,12 +33,14 @@ from mpe_core.refine.point_to_plane import PRESELECT_STEPS, PointToPlane
 from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
+from mpe_core.search.box_turns import box_turns
 from mpe_core.search.levelled_pair import level_clouds
 from mpe_core.search.levelled_search import find_levelled_poses
 from mpe_core.search.nearest_lattice import NearestLattice, build_lattice
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import (
     SEARCH_LEVELS,
+    TURNED,
     Candidates,
     SearchLevel,
     are_close,
@@ -164,6 +166,9 @@ class PosePipeline:
                 self._search_levelled(poses, progress)
                 poses = self.compare(poses)
             if self._has_convincing(poses, level):
+                self._search_turned(poses, progress)
+                poses = self.compare(poses)
+            if self._has_convincing(poses, level):
                 break
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
         if self._prior.initial is not None:
@@ -240,7 +245,31 @@ class PosePipeline:
         with progress.stage("search") as report:
             candidates = self.find_levelled_candidates(report)
         with progress.stage("refine") as report:
-            promising = self._preselect(candidates.poses, report)
+            promising = self._preselect(candidates.poses, poses, report)
+            poses += self._refine_preselected(promising)
+
+    def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> None:
+        """Append the poses that turn the best one by quarters and halves of a box."""
+        best = max(poses, key=lambda pose: pose.evidence.sort_key)
+        is_sure = best.evidence.confidence >= UNRIVALLED_CONFIDENCE
+        if is_sure or self._trial_score is not None or self._prior.initial is not None:
+            return
+        turns = box_turns(self.source.surface)
+        if not len(turns) or self._regime.uses_full_sum:
+            return
+        rotations = best.minimum.T[:3, :3] @ turns
+        with progress.stage("search") as report:
+            found = find_poses(
+                self.source.surface,
+                self._lattice,
+                TURNED,
+                self._prior,
+                self._options.seed,
+                report,
+                rotations,
+            )
+        with progress.stage("refine") as report:
+            promising = self._preselect(found.poses, poses, report)
             poses += self._refine_preselected(promising)
 
     def refine(self, T: Array) -> ScoredPose:
@@ -281,7 +310,7 @@ class PosePipeline:
             candidates = Candidates(candidates.poses[1:], candidates.scores[1:])
             if len(candidates.poses) == 0 or self._has_convincing(poses, level):
                 return
-        promising = self._preselect(candidates.poses, lambda share: report(share / 2))
+        promising = self._preselect(candidates.poses, poses, lambda share: report(share / 2))
         rivals = [near for near in promising if candidates.scores[near.row] >= least]
         poses += self._refine_preselected(rivals)
         others = [near for near in promising if candidates.scores[near.row] < least]
@@ -291,8 +320,13 @@ class PosePipeline:
                 break
             poses += self._refine_preselected(others[done : done + REFINED_TOGETHER])
 
-    def _preselect(self, poses: Array, report: FractionCallback) -> list[_Preselected]:
-        """Select up to MAX_REFINED of the poses (K, 4, 4) by a short refinement, best first."""
+    def _preselect(
+        self, poses: Array, known: list[ScoredPose], report: FractionCallback
+    ) -> list[_Preselected]:
+        """Select up to MAX_REFINED of the poses (K, 4, 4) by a short refinement, best first.
+
+        Those that fall too far short of the best one, known poses included, are not refined fully.
+        """
         if self._regime.uses_full_sum:
             return [_Preselected(row, T) for row, T in enumerate(poses[:MAX_REFINED])]
         if len(poses) == 0:
@@ -303,7 +337,8 @@ class PosePipeline:
             report(row / len(poses))
             found.append((row, near, self.scorer.score_subset(near)))
         found.sort(key=lambda each: each[2].sort_key, reverse=True)
-        best = max(evidence.score for _, _, evidence in found)
+        rivals = [evidence for _, _, evidence in found] + [pose.evidence for pose in known]
+        best = max(evidence.score for evidence in rivals)
         least = max(best, self._least_score) - MAX_SCORE_GAP
         return [
             _Preselected(row, T, None if evidence.score >= least else evidence)

@@ -118,6 +118,19 @@ WIDE = SearchLevel(
     ),
     stop_confidence=ACCEPTANCE_THRESHOLD,
 )
+TURNED = SearchLevel(
+    rotations=0,
+    source_points=96,
+    target_points=384,
+    cell_size=0.12,
+    candidates=23,
+    stages=(
+        AnnealingStage(points=200, start_eps=0.15, end_eps=0.05, steps=6, keep=12),
+        AnnealingStage(points=1000, start_eps=0.06, end_eps=0.03, steps=8, keep=6),
+    ),
+    stop_confidence=ACCEPTANCE_THRESHOLD,
+)
+"""Search among given rotations."""
 SEARCH_LEVELS = (QUICK, THOROUGH, WIDE)
 """Levels in order: each follows where the one before finds no pose of its `stop_confidence`
 (docs/tuning.md)."""
@@ -140,6 +153,7 @@ def find_poses(
     prior: PosePrior,
     seed: int,
     report: FractionCallback,
+    rotations: Poses | None = None,
 ) -> Candidates:
     """Find local minima of the energy of `mpe_core.search`, lowest first.
 
@@ -157,9 +171,13 @@ def find_poses(
         Seed of the points that vote and descend.
     report
         Takes the fraction that is done.
+    rotations
+        (K, 3, 3) rotations to vote for; None for those of level and prior.
     """
     rng = np.random.default_rng(seed)
-    poses = _vote(source, lattice.surface, level, prior, rng)
+    if rotations is None:
+        rotations = prior.rotations(level.rotations)
+    poses = _vote(source, lattice.surface, level, rotations, prior, rng)
     report(0.5)
     order = rng.permutation(np.flatnonzero(source.weights > 0))
     min_eps = MIN_EPS_NOISES * max(source.roughness, lattice.surface.roughness)
@@ -179,6 +197,7 @@ def _vote(
     source: Surface,
     target: Surface,
     level: SearchLevel,
+    rotations: Poses,
     prior: PosePrior,
     rng: np.random.Generator,
 ) -> Poses:
@@ -194,7 +213,6 @@ def _vote(
     numbers = ((cells[:, 0] * width[1] + cells[:, 1]) * width[2] + cells[:, 2]).astype(np.int32)
     agree = np.abs(bin_directions() @ target.normals[y].T) > MIN_NORMAL_AGREEMENT
     starts = np.concatenate([[0], np.cumsum(agree.sum(axis=1))])
-    rotations = prior.rotations(level.rotations)
     translations, votes = best_translations(
         rotations.astype(np.float32),
         (points, normals),
