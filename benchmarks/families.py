@@ -180,7 +180,10 @@ def _poses(pipeline: PosePipeline, truth: Array | None) -> list[ScoredPose]:
     coarse += list(pipeline.find_levelled_candidates(ignore).poses[:8])
     if truth is not None:
         coarse.append(truth)
-    return [pipeline.refine(T) for T in coarse]
+    poses = [pipeline.refine(T) for T in coarse]
+    best = max(poses, key=lambda pose: pose.evidence.sort_key)
+    turned = pipeline.find_turned_candidates(best.minimum.T, ignore).poses
+    return [*poses, *(pipeline.refine(T) for T in turned)]
 
 
 def _is_right(case: Case, T: Array) -> bool:

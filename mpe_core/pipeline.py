@@ -165,7 +165,7 @@ class PosePipeline:
             if level.with_levelled and self._layers is not None and not is_told:
                 self._search_levelled(poses, progress)
                 poses = self.compare(poses)
-            if self._has_convincing(poses, level):
+            if self._has_convincing(poses, level) and self._may_be_turned(poses):
                 self._search_turned(poses, progress)
                 poses = self.compare(poses)
             if self._has_convincing(poses, level):
@@ -248,28 +248,28 @@ class PosePipeline:
             promising = self._preselect(candidates.poses, poses, report)
             poses += self._refine_preselected(promising)
 
-    def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> None:
-        """Append the poses that turn the best one by quarters and halves of a box."""
-        best = max(poses, key=lambda pose: pose.evidence.sort_key)
-        is_sure = best.evidence.confidence >= UNRIVALLED_CONFIDENCE
-        if is_sure or self._trial_score is not None or self._prior.initial is not None:
-            return
+    def find_turned_candidates(self, T: Array, report: FractionCallback) -> Candidates:
+        """Search for poses that turn the pose T (4, 4) as a box fits on itself, best first."""
         turns = box_turns(self.source.surface)
-        if not len(turns) or self._regime.uses_full_sum:
-            return
-        rotations = best.minimum.T[:3, :3] @ turns
+        if not len(turns):
+            return Candidates(np.empty((0, 4, 4)), np.empty(0, np.float32))
+        return find_poses(
+            self.source.surface,
+            self._lattice,
+            TURNED,
+            self._prior,
+            self._options.seed,
+            report,
+            T[:3, :3] @ turns,
+        )
+
+    def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> None:
+        """Append the poses that turn the best one as a box fits on itself."""
+        best = max(poses, key=lambda pose: pose.evidence.sort_key)
         with progress.stage("search") as report:
-            found = find_poses(
-                self.source.surface,
-                self._lattice,
-                TURNED,
-                self._prior,
-                self._options.seed,
-                report,
-                rotations,
-            )
+            candidates = self.find_turned_candidates(best.minimum.T, report)
         with progress.stage("refine") as report:
-            promising = self._preselect(found.poses, poses, report)
+            promising = self._preselect(candidates.poses, poses, report)
             poses += self._refine_preselected(promising)
 
     def refine(self, T: Array) -> ScoredPose:
@@ -371,6 +371,18 @@ class PosePipeline:
         least = -np.inf if self._free_space is not None else UNRIVALLED_CONFIDENCE
         sure = [pose for pose in poses if pose.evidence.confidence >= least]
         return self._has_convincing(sure, level)
+
+    def _may_be_turned(self, poses: list[ScoredPose]) -> bool:
+        """Whether it is asked how the best pose compares with its turns.
+
+        A trial is about the best pose alone, near an initial pose there are no turns, and where
+        noise hides the planes each takes as long as all else.
+        """
+        is_sure = any(pose.evidence.confidence >= UNRIVALLED_CONFIDENCE for pose in poses)
+        is_trial = self._trial_score is not None
+        return not (
+            is_sure or is_trial or self._prior.initial is not None or self._regime.uses_full_sum
+        )
 
     def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Add to the evidence of each pose how it compares with the others."""

@@ -61,7 +61,7 @@ def world_pairs(count: int, first: int = 0) -> Iterator[WorldPair]:
     """Yield `count` pairs of each family, from the number `first` on; always the same."""
     for family in FAMILIES:
         for number in range(first, first + count):
-            yield _pair(family, number)
+            yield world_pair(family, number)
 
 
 def foreign_pairs(count: int, first: int = 0) -> Iterator[WorldPair]:
@@ -72,7 +72,8 @@ def foreign_pairs(count: int, first: int = 0) -> Iterator[WorldPair]:
             yield _moved(f"{family} {number} foreign", family, scans, number, is_foreign=True)
 
 
-def _pair(family: str, number: int) -> WorldPair:
+def world_pair(family: str, number: int) -> WorldPair:
+    """Return the pair of a family with this number; always the same."""
     for attempt in range(MAX_TRIES):
         scans = _scans(family, [number, 0], [number, attempt])
         pair = _moved(f"{family} {number}", family, scans, number, is_foreign=False)

@@ -20,6 +20,11 @@ DEGENERACY_THRESHOLD = 2e-3
 unless a small feature holds it: between simple shapes and the worst of real scans
 (docs/tuning.md)."""
 
+MAX_DEVIATION, MAX_DEVIATION_RATIO = 0.03, 10.0
+"""Standard deviation of a motion, in radians and radii of the smaller cloud, and over the median of
+all, from which on the surfaces count as sliding on themselves: noise makes all motions unsure
+(docs/tuning.md)."""
+
 MIN_TURN_SHARE = 0.1
 """Singular value of the rotation vectors of unit motions from which on they turn."""
 
@@ -120,10 +125,15 @@ def point_to_plane_uncertainty(
 
 
 def sandwich_covariance(N: Array, B: Array, axes: MotionAxes) -> PoseUncertainty:
-    """Compute N^-1 B N^-1 in the directions that are known."""
-    free, known = axes.free, axes.known
-    half = np.linalg.solve(known.T @ N @ known, known.T)
-    covariance = free @ free.T + half.T @ (known.T @ B @ known) @ half
+    """Compute N^-1 B N^-1 in the directions that are known; those that vary too much are free."""
+    known = axes.known
+    half = np.linalg.inv(known.T @ N @ known)
+    variance, own = np.linalg.eigh(half @ (known.T @ B @ known) @ half.T)
+    usual = float(np.median(variance)) if len(variance) else 0.0
+    is_free = variance > max(MAX_DEVIATION**2, MAX_DEVIATION_RATIO**2 * usual)
+    free = np.concatenate([axes.free, known @ own[:, is_free]], axis=1)
+    side = known @ own[:, ~is_free]
+    covariance = free @ free.T + (side * variance[~is_free]) @ side.T
     return PoseUncertainty(covariance, np.ascontiguousarray(free.T))
 
 

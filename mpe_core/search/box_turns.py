@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 SUBSET_POINTS = 400
 """Points, or up to twice as many, whose normals tell the directions."""
 
-ALONG_DEG, MIN_SHARE = 15.0, 0.6
+ALONG_DEG, MIN_SHARE = 15.0, 0.5
 """Angle up to which a normal lies along a direction, and share of the normals that do so."""
 
 MIN_SECOND_SHARE = 0.1

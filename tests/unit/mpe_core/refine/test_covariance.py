@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mpe_core import RegistrationOptions, register
 from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose
+from mpe_core.refine.covariance import MotionAxes, sandwich_covariance
 from tests.factories.clouds import bunny, moved
 
 
@@ -113,3 +114,23 @@ def test_directions_that_nothing_resists_are_named(shape, expected, noise):
 def test_a_bunny_slides_nowhere(data):
     trial = moved(bunny(data), np.random.default_rng(1), largest_deg=180)
     assert register(trial.source, trial.target).free_directions.shape == (0, 6)
+
+
+@pytest.mark.parametrize(
+    ("deviations", "free"),
+    [
+        ([0.001, 0.002, 0.001, 0.001, 0.08, 0.003], [4]),
+        ([0.001, 0.002, 0.001, 0.001, 0.02, 0.003], []),
+        ([0.02, 0.03, 0.02, 0.02, 0.08, 0.03], []),  # noise makes all motions unsure
+    ],
+)
+def test_a_motion_that_is_far_less_sure_than_all_others_is_free(deviations, free):
+    rng = np.random.default_rng(0)
+    turned = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    information = turned @ np.diag(1 / np.square(deviations)) @ turned.T
+    found = sandwich_covariance(information, information, MotionAxes(np.eye(6), np.empty((6, 0))))
+    expected = np.square(deviations)
+    expected[free] = 1
+    np.testing.assert_allclose(found.covariance, turned @ np.diag(expected) @ turned.T, atol=1e-9)
+    along = np.abs(found.degenerate_directions @ turned)
+    np.testing.assert_allclose(along, np.eye(6)[free], atol=1e-9)
