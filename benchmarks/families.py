@@ -174,15 +174,13 @@ def _poses(pipeline: PosePipeline, truth: Array | None) -> list[ScoredPose]:
     def ignore(_: float) -> None:
         pass
 
-    coarse = [
-        T for level in (QUICK, THOROUGH) for T in pipeline.find_candidates(level, ignore).poses
-    ]
-    coarse += list(pipeline.find_levelled_candidates(ignore).poses[:8])
+    coarse = [T for level in (QUICK, THOROUGH) for T in pipeline.search.find(level, ignore).poses]
+    coarse += list(pipeline.search.find_levelled(ignore).poses[:8])
     if truth is not None:
         coarse.append(truth)
     poses = [pipeline.refine(T) for T in coarse]
     best = max(poses, key=lambda pose: pose.evidence.sort_key)
-    turned = pipeline.find_turned_candidates(best.minimum.T, ignore).poses
+    turned = pipeline.search.find_turned(best.minimum.T, ignore).poses
     return [*poses, *(pipeline.refine(T) for T in turned)]
 
 

@@ -65,7 +65,7 @@ def _scene(pair: Pair, trial: Trial) -> Result:
     found = [
         blind.refine(T)
         for level in (QUICK, THOROUGH)
-        for T in blind.find_candidates(level, lambda _: None).poses
+        for T in blind.search.find(level, lambda _: None).poses
     ]
     wrong = [pose for pose in found if not _is_right(pair, trial, clouds.to_caller(pose.minimum.T))]
     poses = {

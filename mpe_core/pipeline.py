@@ -33,20 +33,9 @@ from mpe_core.refine.point_to_plane import PRESELECT_STEPS, PointToPlane
 from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
-from mpe_core.search.box_turns import box_turns
-from mpe_core.search.levelled_pair import level_clouds
-from mpe_core.search.levelled_search import find_levelled_poses
-from mpe_core.search.nearest_lattice import NearestLattice, build_lattice
+from mpe_core.search.candidate_search import CandidateSearch
 from mpe_core.search.pose_prior import PosePrior
-from mpe_core.search.pose_search import (
-    SEARCH_LEVELS,
-    TURNED,
-    Candidates,
-    SearchLevel,
-    are_close,
-    distinct_rows,
-    find_poses,
-)
+from mpe_core.search.pose_search import SEARCH_LEVELS, Candidates, SearchLevel, are_close
 
 Array = NDArray[np.float64]
 
@@ -63,9 +52,6 @@ REFINED_TOGETHER = 2
 MAX_SCORE_GAP = 3.0
 """Score by which a candidate may fall short of the best one after the short refinement and still be
 refined fully (docs/tuning.md)."""
-
-LEVELLED_CANDIDATES = 48
-"""Candidates of the levelled search that are refined shortly."""
 
 UNRIVALLED_CONFIDENCE = 0.985
 """Confidence of a pose from which on its clouds are not searched levelled, where free space has not
@@ -134,6 +120,7 @@ class PosePipeline:
             compares_shape=compares_shape,
         )
         self.planes = planes
+        self.search = CandidateSearch(source, target, prior, options.seed)
         self.refiner: Refiner = planes
         if self._regime.uses_full_sum:
             self.refiner = FullSum(
@@ -155,7 +142,7 @@ class PosePipeline:
         poses: list[ScoredPose] = []
         for level in levels:
             with progress.stage("search") as report:
-                candidates = self.find_candidates(level, report)
+                candidates = self.search.find(level, report)
             with progress.stage("refine") as report:
                 self._refine_candidates(candidates, level, poses, report)
             if all(pose.evidence.score < self._least_score for pose in poses):
@@ -218,56 +205,19 @@ class PosePipeline:
         """Estimate the error of the minimum, as a motion about the target's origin."""
         return self.refiner.uncertainty(minimum)
 
-    def find_candidates(self, level: SearchLevel, report: FractionCallback) -> Candidates:
-        """Search at this level; candidates come best first."""
-        return find_poses(
-            self.source.surface, self._lattice, level, self._prior, self._options.seed, report
-        )
-
-    def find_levelled_candidates(self, report: FractionCallback) -> Candidates:
-        """Search for poses that lay the grounds of both clouds on each other, best first."""
-        if self._layers is None:
-            return Candidates(np.empty((0, 4, 4)), np.empty(0, np.float32))
-        pair = self._layers.pair
-        found = [
-            find_levelled_poses(source, pair.target, LEVELLED_CANDIDATES, report)
-            for source in pair.source
-        ]
-        poses = np.concatenate([each.poses for each in found])
-        scores = np.concatenate([each.scores for each in found])
-        accepted = self._prior.accepts(poses)
-        poses, scores = poses[accepted], scores[accepted]
-        kept = distinct_rows(poses, scores, LEVELLED_CANDIDATES)
-        return Candidates(poses[kept], scores[kept])
-
     def _search_levelled(self, poses: list[ScoredPose], progress: Progress) -> None:
         """Append the poses of the levelled search."""
         with progress.stage("search") as report:
-            candidates = self.find_levelled_candidates(report)
+            candidates = self.search.find_levelled(report)
         with progress.stage("refine") as report:
             promising = self._preselect(candidates.poses, poses, report)
             poses += self._refine_preselected(promising)
-
-    def find_turned_candidates(self, T: Array, report: FractionCallback) -> Candidates:
-        """Search for poses that turn the pose T (4, 4) as a box fits on itself, best first."""
-        turns = box_turns(self.source.surface)
-        if not len(turns):
-            return Candidates(np.empty((0, 4, 4)), np.empty(0, np.float32))
-        return find_poses(
-            self.source.surface,
-            self._lattice,
-            TURNED,
-            self._prior,
-            self._options.seed,
-            report,
-            T[:3, :3] @ turns,
-        )
 
     def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> None:
         """Append the poses that turn the best one as a box fits on itself."""
         best = max(poses, key=lambda pose: pose.evidence.sort_key)
         with progress.stage("search") as report:
-            candidates = self.find_turned_candidates(best.minimum.T, report)
+            candidates = self.search.find_turned(best.minimum.T, report)
         with progress.stage("refine") as report:
             promising = self._preselect(candidates.poses, poses, report)
             poses += self._refine_preselected(promising)
@@ -423,16 +373,12 @@ class PosePipeline:
         """Both clouds seen from above; None unless they are of like size and show a ground."""
         if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO or self._prior.initial is not None:
             return None
-        pair = level_clouds(self.source, self.target)
+        pair = self.search.levelled
         return None if pair is None else LayerMatch(pair)
 
     @cached_property
     def _completeness(self) -> Completeness:
         return Completeness(self.source.fine, self.target.fine, self._regime)
-
-    @cached_property
-    def _lattice(self) -> NearestLattice:
-        return build_lattice(self.target.surface)
 
 
 def _moved(pose: ScoredPose, minimum: Minimum) -> ScoredPose:

@@ -11,6 +11,7 @@ from mpe_core.geometry.rigid import apply, axis_rotation, inverse, pose, rotatio
 from mpe_core.pipeline import PosePipeline
 from mpe_core.progress import Progress
 from mpe_core.refine.minimum import Minimum
+from mpe_core.search.candidate_search import CandidateSearch
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import SEARCH_LEVELS
 from tests.factories.clouds import knot
@@ -39,13 +40,13 @@ def levels_searched(steps, monkeypatch, confidence):
         "refine",
         lambda self, T: ScoredPose(Minimum(T, True, 1), Evidence(*3 * [confidence])),
     )
-    search = PosePipeline.find_candidates
+    search = CandidateSearch.find
 
-    def find_candidates(self, level, report):
+    def find(self, level, report):
         levels.append(level)
         return search(self, SEARCH_LEVELS[0], report)
 
-    monkeypatch.setattr(PosePipeline, "find_candidates", find_candidates)
+    monkeypatch.setattr(CandidateSearch, "find", find)
     steps.run(Progress(None))
     return levels
 
@@ -88,7 +89,7 @@ def test_preselection_keeps_the_right_pose(steps):
         for angle in rng.uniform(0.7, 3, 15)
     ]
     poses.insert(11, pose(axis_rotation(np.ones(3), 0.05), np.zeros(3)) @ TRUTH)
-    found = steps._preselect(np.array(poses), lambda fraction: None)
+    found = steps._preselect(np.array(poses), [], lambda fraction: None)
     assert len(found) == pipeline.MAX_REFINED
     assert found[0].row == 11
     assert found[0].weak_evidence is None  # and is refined fully
@@ -96,7 +97,7 @@ def test_preselection_keeps_the_right_pose(steps):
 
 def test_a_candidate_that_falls_short_stays_a_rival_as_it_is(steps):
     poses = np.array([TRUTH, pose(axis_rotation(np.ones(3), 2.0), np.zeros(3)) @ TRUTH])
-    right, wrong = steps._preselect(poses, lambda fraction: None)
+    right, wrong = steps._preselect(poses, [], lambda fraction: None)
     assert (right.row, wrong.row) == (0, 1)
     (kept,) = steps._refine_preselected([wrong])
     np.testing.assert_array_equal(kept.minimum.T, wrong.T)
@@ -104,6 +105,15 @@ def test_a_candidate_that_falls_short_stays_a_rival_as_it_is(steps):
     first, second = steps.compare([steps.refine(right.T), kept])
     assert first.evidence.contrast > pipeline.MAX_SCORE_GAP
     assert second.evidence.contrast < -pipeline.MAX_SCORE_GAP
+
+
+def test_a_candidate_that_falls_short_of_a_known_pose_stays_as_it_is(steps):
+    wrong = pose(axis_rotation(np.ones(3), 2.0), np.zeros(3)) @ TRUTH
+    (alone,) = steps._preselect(wrong[None], [], lambda fraction: None)
+    assert alone.weak_evidence is None
+    known = [steps.refine(TRUTH)]
+    (beside,) = steps._preselect(wrong[None], known, lambda fraction: None)
+    assert beside.weak_evidence is not None
 
 
 def street_steps(prior=None, stray=0.0):
@@ -118,14 +128,14 @@ def street_steps(prior=None, stray=0.0):
 
 
 def test_levelled_poses_are_those_that_the_prior_accepts():
-    assert len(street_steps().find_levelled_candidates(lambda share: None).poses)
+    assert len(street_steps().search.find_levelled(lambda share: None).poses)
     upside_down = PosePrior(initial=np.diag([1.0, -1.0, -1.0, 1.0]))
-    found = street_steps(upside_down).find_levelled_candidates(lambda share: None)
+    found = street_steps(upside_down).search.find_levelled(lambda share: None)
     assert not len(found.poses)
     assert len(street_steps(upside_down).run(Progress(None)))
 
 
 def test_stray_points_do_not_widen_the_view_from_above():
-    found = street_steps(stray=1e5).find_levelled_candidates(lambda share: None)
+    found = street_steps(stray=1e5).search.find_levelled(lambda share: None)
     moved = [pose[:3, 3] for pose in found.poses[:4]]
     assert min(np.linalg.norm(t - np.array([0.2, 0, 0])) for t in moved) < 0.05
