@@ -150,11 +150,9 @@ class PosePipeline:
             poses = self.compare(poses)
             is_told = self._is_told_from_slides(poses, level)
             if level.with_levelled and self._layers is not None and not is_told:
-                self._search_levelled(poses, progress)
-                poses = self.compare(poses)
+                poses = self._search_levelled(poses, progress)
             if self._has_convincing(poses, level) and self._may_be_turned(poses):
-                self._search_turned(poses, progress)
-                poses = self.compare(poses)
+                poses = self._search_turned(poses, progress)
             if self._has_convincing(poses, level):
                 break
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
@@ -205,22 +203,27 @@ class PosePipeline:
         """Estimate the error of the minimum, as a motion about the target's origin."""
         return self.refiner.uncertainty(minimum)
 
-    def _search_levelled(self, poses: list[ScoredPose], progress: Progress) -> None:
-        """Append the poses of the levelled search."""
+    def _search_levelled(self, poses: list[ScoredPose], progress: Progress) -> list[ScoredPose]:
+        """Add the poses of the levelled search."""
         with progress.stage("search") as report:
             candidates = self.search.find_levelled(report)
-        with progress.stage("refine") as report:
-            promising = self._preselect(candidates.poses, poses, report)
-            poses += self._refine_preselected(promising)
+        return self._with_rivals(poses, candidates, progress)
 
-    def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> None:
-        """Append the poses that turn the best one as a box fits on itself."""
+    def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> list[ScoredPose]:
+        """Add the poses that turn the best one as a box fits on itself."""
         best = max(poses, key=lambda pose: pose.evidence.sort_key)
         with progress.stage("search") as report:
             candidates = self.search.find_turned(best.minimum.T, report)
+        return self._with_rivals(poses, candidates, progress)
+
+    def _with_rivals(
+        self, poses: list[ScoredPose], candidates: Candidates, progress: Progress
+    ) -> list[ScoredPose]:
+        """Add the promising of the candidates, and compare all poses anew."""
         with progress.stage("refine") as report:
             promising = self._preselect(candidates.poses, poses, report)
-            poses += self._refine_preselected(promising)
+            rivals = self._refine_preselected(promising)
+        return self.compare([*poses, *rivals])
 
     def refine(self, T: Array) -> ScoredPose:
         """Refine and score a coarse pose T (4, 4)."""
@@ -325,14 +328,13 @@ class PosePipeline:
     def _may_be_turned(self, poses: list[ScoredPose]) -> bool:
         """Whether it is asked how the best pose compares with its turns.
 
-        A trial is about the best pose alone, near an initial pose there are no turns, and where
-        noise hides the planes each takes as long as all else.
+        Not of a sure pose, near an initial one, in a trial, or where noise hides the planes, whose
+        refinement takes as long as all else. A small part on a larger cloud has other rivals.
         """
         is_sure = any(pose.evidence.confidence >= UNRIVALLED_CONFIDENCE for pose in poses)
-        is_trial = self._trial_score is not None
-        return not (
-            is_sure or is_trial or self._prior.initial is not None or self._regime.uses_full_sum
-        )
+        is_part = self._size_ratio > MAX_CALIBRATED_SIZE_RATIO
+        is_told = is_sure or is_part or self._prior.initial is not None
+        return not (is_told or self._trial_score is not None or self._regime.uses_full_sum)
 
     def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Add to the evidence of each pose how it compares with the others."""
