@@ -220,6 +220,8 @@ class PosePipeline:
         self, poses: list[ScoredPose], candidates: Candidates, progress: Progress
     ) -> list[ScoredPose]:
         """Add the promising of the candidates, and compare all poses anew."""
+        if not len(candidates.poses):
+            return poses
         with progress.stage("refine") as report:
             promising = self._preselect(candidates.poses, poses, report)
             rivals = self._refine_preselected(promising)

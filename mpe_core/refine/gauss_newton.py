@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.preprocess import Sample
-from mpe_core.kernels.plane_descent import find_nearest, find_unknown, step_on_planes
+from mpe_core.kernels.plane_descent import find_nearest, step_on_planes
 from mpe_core.refine.minimum import STEP_TOL, Criterion, Minimum
 from mpe_core.refine.target_planes import TargetPlanes
 
@@ -64,7 +64,7 @@ def minimize_point_to_plane(
         if not len(rows):
             break
         find_nearest(ends, rows, nearest, sample.points, target.cells.reach, target.cells.arrays)
-        target.fit(find_unknown(nearest, rows, target.is_fitted))
+        target.fit_nearest(nearest, rows)
         sizes = step_on_planes(
             ends,
             rows,

@@ -12,6 +12,7 @@ from mpe_core.clouds.surface import orient_normals
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply
 from mpe_core.geometry.sampling import take_every
+from mpe_core.kernels.plane_descent import find_unknown
 
 Array = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ class TargetPlanes:
         variation
             (N,) surface variation around each point; NaN at the border of the cloud.
         """
-        self.fit(np.unique(rows[~self.is_fitted[rows]]))
+        self.fit_nearest(rows[None], np.zeros(1, np.int64))
         return self._feet[rows], self._normals[rows], self._variation[rows]
 
     def planes(self, *, smooth: bool) -> tuple[Points, Points]:
@@ -102,6 +103,10 @@ class TargetPlanes:
         A point (M, 3) of each plane and the unit normals (M, 3), as those of `planes_at`.
         """
         return self._feet if smooth else self.cells.points, self._normals
+
+    def fit_nearest(self, nearest: NDArray[np.int32], poses: NDArray[np.int64]) -> None:
+        """Fit the planes that some of the poses (A,) ask for, by rows (K, N), -1 for none."""
+        self.fit(find_unknown(nearest, poses, self.is_fitted))
 
     def fit(self, rows: NDArray[np.integer]) -> None:
         """Fit the planes at the rows of `cells.points`."""

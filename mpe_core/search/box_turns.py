@@ -23,6 +23,9 @@ SUBSET_POINTS = 400
 ALONG_DEG, MIN_SHARE = 15.0, 0.5
 """Angle up to which a normal lies along a direction, and share of the normals that do so."""
 
+MIN_COSINE, MAX_CROSS_COSINE = np.cos(np.radians(ALONG_DEG)), np.sin(np.radians(ALONG_DEG))
+"""Cosine between a normal and a direction that it lies along, and across."""
+
 MIN_SECOND_SHARE = 0.1
 """Share of the normals along the second direction: else turns about the first are not of a box."""
 
@@ -52,25 +55,24 @@ def box_turns(surface: Surface) -> Array:
 
 def _box_axes(normals: Array) -> Array | None:
     """(3, 3) directions as columns, of which most normals (N, 3) lie along one."""
-    along = np.cos(np.radians(ALONG_DEG))
-    first = _commonest(normals, normals)
-    across = normals[np.abs(normals @ first) < np.sin(np.radians(ALONG_DEG))]
+    first = _commonest(normals)
+    across = normals[np.abs(normals @ first) < MAX_CROSS_COSINE]
     if len(across) < MIN_SECOND_SHARE * len(normals):
         return None
-    second = _commonest(across, across)
+    second = _commonest(across)
     second -= (second @ first) * first
     second /= np.linalg.norm(second)
     axes = np.column_stack([first, second, np.cross(first, second)])
-    share = (np.abs(normals @ axes).max(axis=1) > along).mean()
+    share = (np.abs(normals @ axes).max(axis=1) > MIN_COSINE).mean()
     return axes if share >= MIN_SHARE else None
 
 
-def _commonest(directions: Array, normals: Array) -> Array:
-    """(3,) mean of the normals along the one of the directions (K, 3) that most lie along."""
-    cosines = np.abs(directions @ normals.T)
-    best = directions[np.argmax((cosines > np.cos(np.radians(ALONG_DEG))).sum(axis=1))]
-    cosine = normals @ best
-    near = np.abs(cosine) > np.cos(np.radians(ALONG_DEG))
-    mean = (np.sign(cosine[near])[:, None] * normals[near]).mean(axis=0)
+def _commonest(normals: Array) -> Array:
+    """(3,) mean of the normals along the one of the normals (N, 3) that most lie along."""
+    cosines = normals @ normals.T
+    is_along = np.abs(cosines) > MIN_COSINE
+    best = int(np.argmax(is_along.sum(axis=1)))
+    near = is_along[best]
+    mean = (np.sign(cosines[best, near])[:, None] * normals[near]).mean(axis=0)
     unit: Array = mean / np.linalg.norm(mean)
     return unit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,19 +118,13 @@ WIDE = SearchLevel(
     ),
     stop_confidence=ACCEPTANCE_THRESHOLD,
 )
-TURNED = SearchLevel(
-    rotations=0,
-    source_points=96,
-    target_points=384,
-    cell_size=0.12,
+TURNED = replace(
+    THOROUGH,
+    rotations=23,
     candidates=23,
-    stages=(
-        AnnealingStage(points=200, start_eps=0.15, end_eps=0.05, steps=6, keep=12),
-        AnnealingStage(points=1000, start_eps=0.06, end_eps=0.03, steps=8, keep=6),
-    ),
-    stop_confidence=ACCEPTANCE_THRESHOLD,
+    stages=(replace(THOROUGH.stages[0], keep=12), replace(THOROUGH.stages[1], keep=6)),
 )
-"""Search among given rotations."""
+"""Search among the turns of a box, which are given."""
 SEARCH_LEVELS = (QUICK, THOROUGH, WIDE)
 """Levels in order: each follows where the one before finds no pose of its `stop_confidence`
 (docs/tuning.md)."""
