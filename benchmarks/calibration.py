@@ -58,7 +58,7 @@ def _foreign() -> Iterator[Result]:
             x, y = _noisy(source, target, noise, rng)
             centered, pipeline = pipeline_of(x, y)
             T = centered.from_caller(register(x, y).T_target_source)
-            yield _row(name, number, noise, pipeline.scorer.score(T), right=False)
+            yield _row(name, number, noise, pipeline.score(T), right=False)
 
 
 def _noisy(

@@ -73,7 +73,7 @@ def _judged(source: Array, target: Array, found: Registration) -> Result:
         "confidence": found.confidence,
         "accepted": found.accepted,
         "ambiguous": found.ambiguous,
-        **asdict(pipeline.scorer.score(T)),
+        **asdict(pipeline.score(T)),
     }
 
 

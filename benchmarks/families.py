@@ -145,7 +145,7 @@ def _rows(case: Case) -> Iterator[Result]:
         scored = []
         for T in found:
             at = exchanged(pair.from_caller(T))
-            scored.append(ScoredPose(Minimum(at, True, 0), pipeline.scorer.score(at)))
+            scored.append(ScoredPose(Minimum(at, True, 0), pipeline.score(at)))
         for pose, correct in zip(pipeline.compare(scored), right, strict=True):
             evidence = asdict(pose.evidence)
             yield {

@@ -79,7 +79,7 @@ def _scene(pair: Pair, trial: Trial) -> Result:
                 "T": clouds.to_caller(pose.minimum.T).tolist(),
                 "coverage": pose.evidence.coverage,
                 "surface_agreement": pose.evidence.surface_agreement,
-                "violation": seeing.scorer.score(pose.minimum.T).free_space_violation,
+                "violation": seeing.score(pose.minimum.T).free_space_violation,
             }
             for name, pose in poses.items()
         },

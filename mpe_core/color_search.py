@@ -132,7 +132,7 @@ def _combine(
         confidence=best.confidence,
         accepted=best.accepted,
     )
-    warnings = describe_warnings(pair, evidence, found)
+    warnings = describe_warnings(pair, evidence, found, pipeline.sights)
     return replace(described, found=replace(found, warnings=warnings), is_by_color=True)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.confidence import Evidence
 from mpe_core.assess.rivals import ScoredPose
+from mpe_core.clouds.full_sight import FullSight
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
 from mpe_core.geometry.rigid import inverse
@@ -53,6 +54,11 @@ class ExchangedPipeline:
         """Source and target."""
         target, source = self._inner.clouds
         return source, target
+
+    @property
+    def sights(self) -> tuple[FullSight, FullSight] | None:
+        """Places of full sight in source and target that stand for viewpoints, if any do."""
+        return None if self._inner.sights is None else self._inner.sights[::-1]
 
     def coarse_points(self) -> tuple[Points, Points]:
         """Points (N, 3) of the surfaces of source and target."""

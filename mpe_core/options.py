@@ -139,10 +139,10 @@ class RegistrationOptions:
     tell none."""
 
     infer_viewpoints: InferViewpoints = "auto"
-    """Whether the scanners' positions may be told from the order of the points. "auto": where no
-    viewpoint is given, and both clouds are in the order of one scanner each, as depth cameras and
-    spinning scanners write them; a warning tells so. Shuffled, thinned and merged clouds tell none.
-    "never": it is not looked at."""
+    """Whether the scanners' positions may be told from the clouds. "auto": where no viewpoint is
+    given, and both clouds are in the order of one scanner each, as depth cameras and spinning
+    scanners write them; or where both show their ground, and each has a place from which hardly any
+    of its points is hidden. A warning tells so. "never": it is not looked at."""
 
     keep_no_data: bool = False
     """Whether rows that look like no measurement are kept: (0, 0, 0) three times or more, values

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mpe_core.assess.completeness import Completeness
 from mpe_core.assess.confidence import MAX_CALIBRATED_SIZE_RATIO, Evidence
-from mpe_core.assess.free_space import FreeSpace
-from mpe_core.assess.layer_match import LayerMatch
+from mpe_core.assess.judge import Judge
 from mpe_core.assess.near_start import prefer_near_start
 from mpe_core.assess.rivals import (
     ScoredPose,
@@ -21,7 +20,7 @@ from mpe_core.assess.rivals import (
     select_equal,
     with_contrast,
 )
-from mpe_core.assess.score import PoseScorer
+from mpe_core.clouds.full_sight import FullSight
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
 from mpe_core.options import RegistrationOptions
@@ -34,6 +33,7 @@ from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
 from mpe_core.search.candidate_search import CandidateSearch
+from mpe_core.search.levelled_effort import LevelledEffort
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import SEARCH_LEVELS, Candidates, SearchLevel, are_close
 
@@ -108,15 +108,15 @@ class PosePipeline:
         self.source, self.target, self._prior, self._options = source, target, prior, options
         self._size_ratio, self._trial_score = size_ratio, trial_score
         self._regime = choose_regime(source, target)
-        self._free_space = _free_space(source, target)
         planes = choose_planes(source, target, prior, self._regime, options)
-        self.scorer = PoseScorer(
+        self.judge = Judge(
+            source,
+            target,
             planes,
             self._regime,
             overlap=options.overlap or 1.0,
-            # near an initial pose there are no more chance fits than on a cloud of like size
-            size_ratio=size_ratio if prior.initial is None else 1.0,
-            free_space=self._free_space,
+            size_ratio=size_ratio,
+            is_near_start=prior.initial is not None,
             compares_shape=compares_shape,
         )
         self.planes = planes
@@ -129,7 +129,7 @@ class PosePipeline:
                 prior.motion_basis(),
                 options.max_iterations,
                 planes,
-                lambda T: self.scorer.score(T).on_surface_fraction,
+                lambda T: self.judge.scorer.score(T).on_surface_fraction,
             )
 
     def run(
@@ -148,9 +148,10 @@ class PosePipeline:
             if all(pose.evidence.score < self._least_score for pose in poses):
                 break  # comparisons only take from a score
             poses = self.compare(poses)
-            is_told = self._is_told_from_slides(poses, level)
-            if level.with_levelled and self._layers is not None and not is_told:
-                poses = self._search_levelled(poses, progress)
+            if level is levels[0] and self._may_look_from_full_sight(poses):
+                poses = self._look_from_full_sight(poses)
+            if level.levelled and not self._is_told_from_slides(poses, level):
+                poses = self._search_levelled(poses, level.levelled, progress)
             if self._has_convincing(poses, level) and self._may_be_turned(poses):
                 poses = self._search_turned(poses, progress)
             if self._has_convincing(poses, level):
@@ -169,7 +170,7 @@ class PosePipeline:
         if self._options.max_rotation_deg or self._options.max_translation:
             in_range = self._prior.accepts(np.array([pose.minimum.T for pose in poses]))
             poses = [pose for pose, is_near in zip(poses, in_range, strict=True) if is_near]
-            poses = poses or [ScoredPose(Minimum(start, False, 0), self.scorer.score(start))]
+            poses = poses or [ScoredPose(Minimum(start, False, 0), self.judge.scorer.score(start))]
         return prefer_near_start(poses, lambda pose: self._prior.distance(pose.minimum.T))
 
     @property
@@ -197,16 +198,20 @@ class PosePipeline:
 
     def score(self, T: Array) -> Evidence:
         """Measure the evidence for the pose T (4, 4)."""
-        return self.scorer.score(T)
+        return self.judge.scorer.score(T)
 
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the target's origin."""
         return self.refiner.uncertainty(minimum)
 
-    def _search_levelled(self, poses: list[ScoredPose], progress: Progress) -> list[ScoredPose]:
-        """Add the poses of the levelled search."""
+    def _search_levelled(
+        self, poses: list[ScoredPose], effort: LevelledEffort, progress: Progress
+    ) -> list[ScoredPose]:
+        """Add the poses of a levelled search."""
+        if self.judge.levelled is None:
+            return poses
         with progress.stage("search") as report:
-            candidates = self.search.find_levelled(report)
+            candidates = self.search.find_levelled(self.judge.levelled, effort, report)
         return self._with_rivals(poses, candidates, progress)
 
     def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> list[ScoredPose]:
@@ -237,7 +242,7 @@ class PosePipeline:
             return []
         starts = np.array([self._prior.project_to_yaw(T) for T in poses])
         minima = self.refiner.refine_all(starts)
-        return [ScoredPose(minimum, self.scorer.score(minimum.T)) for minimum in minima]
+        return [ScoredPose(minimum, self.judge.scorer.score(minimum.T)) for minimum in minima]
 
     def finish(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was."""
@@ -290,7 +295,7 @@ class PosePipeline:
         found: list[tuple[int, Array, Evidence]] = []
         for row, near in enumerate(self.planes.refine_shortly(starts)):
             report(row / len(poses))
-            found.append((row, near, self.scorer.score_subset(near)))
+            found.append((row, near, self.judge.scorer.score_subset(near)))
         found.sort(key=lambda each: each[2].sort_key, reverse=True)
         rivals = [evidence for _, _, evidence in found] + [pose.evidence for pose in known]
         best = max(evidence.score for evidence in rivals)
@@ -323,7 +328,7 @@ class PosePipeline:
 
     def _is_told_from_slides(self, poses: list[ScoredPose], level: SearchLevel) -> bool:
         """Whether a pose convinces that needs no comparison with those of the levelled search."""
-        least = -np.inf if self._free_space is not None else UNRIVALLED_CONFIDENCE
+        least = -np.inf if self.judge.free_space is not None else UNRIVALLED_CONFIDENCE
         sure = [pose for pose in poses if pose.evidence.confidence >= least]
         return self._has_convincing(sure, level)
 
@@ -333,14 +338,32 @@ class PosePipeline:
         Not of a sure pose, near an initial one, in a trial, or where noise hides the planes, whose
         refinement takes as long as all else. A small part on a larger cloud has other rivals.
         """
-        is_sure = any(pose.evidence.confidence >= UNRIVALLED_CONFIDENCE for pose in poses)
         is_part = self._size_ratio > MAX_CALIBRATED_SIZE_RATIO
-        is_told = is_sure or is_part or self._prior.initial is not None
+        is_told = _is_sure(poses) or is_part or self._prior.initial is not None
         return not (is_told or self._trial_score is not None or self._regime.uses_full_sum)
+
+    def _may_look_from_full_sight(self, poses: list[ScoredPose]) -> bool:
+        """Whether places of full sight may stand for viewpoints: of no sure pose."""
+        return self._options.infer_viewpoints == "auto" and not _is_sure(poses)
+
+    def _look_from_full_sight(self, poses: list[ScoredPose]) -> list[ScoredPose]:
+        """Measure the poses anew by the free space that places of full sight tell, if any do."""
+        judge = self.judge.from_full_sight()
+        if judge is None:
+            return poses
+        self.judge = judge
+        return self.compare(
+            [replace(pose, evidence=judge.scorer.score(pose.minimum.T)) for pose in poses]
+        )
+
+    @property
+    def sights(self) -> tuple[FullSight, FullSight] | None:
+        """Places of full sight in source and target that stand for viewpoints, if any do."""
+        return self.judge.sights
 
     def compare(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Add to the evidence of each pose how it compares with the others."""
-        return self._with_only_complete(with_contrast(self._with_layer_support(poses)))
+        return self._with_only_complete(with_contrast(self.judge.with_layer_support(poses)))
 
     def _with_only_complete(self, poses: list[ScoredPose]) -> list[ScoredPose]:
         """Mark the pose that alone explains every point of both clouds."""
@@ -360,29 +383,14 @@ class PosePipeline:
             [pose.minimum.T for pose in distinct], [pose.evidence for pose in distinct]
         )
 
-    def _with_layer_support(self, poses: list[ScoredPose]) -> list[ScoredPose]:
-        """Compare the poses as seen from above with the best of them."""
-        if self._layers is None:
-            return poses
-        supports = self._layers.relative_scores(
-            [pose.minimum.T for pose in poses], [pose.evidence.is_plausible for pose in poses]
-        )
-        return [
-            replace(pose, evidence=replace(pose.evidence, layer_support=support))
-            for pose, support in zip(poses, supports, strict=True)
-        ]
-
-    @cached_property
-    def _layers(self) -> LayerMatch | None:
-        """Both clouds seen from above; None unless they are of like size and show a ground."""
-        if self._size_ratio > MAX_CALIBRATED_SIZE_RATIO or self._prior.initial is not None:
-            return None
-        pair = self.search.levelled
-        return None if pair is None else LayerMatch(pair)
-
     @cached_property
     def _completeness(self) -> Completeness:
         return Completeness(self.source.fine, self.target.fine, self._regime)
+
+
+def _is_sure(poses: list[ScoredPose]) -> bool:
+    """Whether one of the poses needs no more rivals."""
+    return any(pose.evidence.confidence >= UNRIVALLED_CONFIDENCE for pose in poses)
 
 
 def _moved(pose: ScoredPose, minimum: Minimum) -> ScoredPose:
@@ -402,11 +410,3 @@ def choose_planes(
         basis = prior.inverse().motion_basis()
         return SwappedPointToPlane(PointToPlane(target, source, basis, regime, options))
     return PointToPlane(source, target, prior.motion_basis(), regime, options)
-
-
-def _free_space(source: PreparedCloud, target: PreparedCloud) -> FreeSpace | None:
-    """Free space of both clouds; None unless the viewpoints of both are known, and near."""
-    if source.viewpoints is None or target.viewpoints is None:
-        return None
-    free_space = FreeSpace(source.fine, target.fine, source.viewpoints, target.viewpoints)
-    return free_space if free_space.tells_depths else None

@@ -276,7 +276,7 @@ def describe_pose(
         scale=1.0,
         timing=progress.finish(),
     )
-    warnings = describe_warnings(pair, best.evidence, result)
+    warnings = describe_warnings(pair, best.evidence, result, pipeline.sights)
     return Attempt(best, pipeline, pair, replace(result, warnings=warnings))
 
 

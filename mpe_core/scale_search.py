@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 QUICK_LEVELS = SEARCH_LEVELS[:2]
 """Levels of the search at a scale that is only tried."""
 
-MIRROR_LEVELS = (replace(QUICK, with_levelled=False),)
+MIRROR_LEVELS = (replace(QUICK, levelled=None),)
 """Levels of the search with a mirrored source: what is accepted mirrored is found by it, and more
 doubles the time of a pair that is not (docs/tuning.md)."""
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from mpe_core.assess.confidence import CONVINCING_LAYER_SUPPORT, Evidence
 from mpe_core.assess.motion_words import describe_alternatives, describe_free_directions
+from mpe_core.clouds.full_sight import FullSight
 from mpe_core.clouds.no_data import Kind
 from mpe_core.clouds.normalize import CloudPair
 from mpe_core.result import CodedWarning, Registration, WarningCode
@@ -33,7 +34,10 @@ MAX_QUIET_VIOLATION = 0.1
 
 
 def describe_warnings(
-    pair: CloudPair, evidence: Evidence, result: Registration
+    pair: CloudPair,
+    evidence: Evidence,
+    result: Registration,
+    sights: tuple[FullSight, FullSight] | None = None,
 ) -> tuple[CodedWarning, ...]:
     """Say what a caller should know before using the result.
 
@@ -45,9 +49,12 @@ def describe_warnings(
         Evidence for the resulting pose.
     result
         Result, its own warnings aside.
+    sights
+        Places of full sight in source and target that stand for viewpoints, if any do.
     """
     return (
         *_about_clouds(pair),
+        *_about_sights(sights),
         *_about_convergence(result),
         *_about_trust(pair, evidence),
         *_about_ambiguity(pair, result, is_on_plane=evidence.accepted and not result.accepted),
@@ -68,6 +75,17 @@ def _about_clouds(pair: CloudPair) -> Iterator[CodedWarning]:
                 f"{left_out.count} rows of the {name} were left out:"
                 f" {NO_DATA_TEXTS[left_out.kind]}; set keep_no_data to keep them",
             )
+
+
+def _about_sights(sights: tuple[FullSight, FullSight] | None) -> Iterator[CodedWarning]:
+    if sights is not None:
+        yield CodedWarning(
+            "viewpoints_inferred",
+            f"nobody told where the scanners stood, but there is a place from which"
+            f" {sights[0].certainty:.1%} of the source's points are seen, and one for"
+            f" {sights[1].certainty:.1%} of the target's; what lies between is taken to be free. If"
+            ' that is wrong, give both viewpoints, or set infer_viewpoints to "never"',
+        )
 
 
 def _about_convergence(result: Registration) -> Iterator[CodedWarning]:

@@ -16,10 +16,6 @@ from numba import njit, prange
 BLOCK, MAX_BYTE = 32, 255
 """Cells that are counted at once, and the largest count of a byte."""
 
-MAX_COUNTED = 6000
-"""Occupied cells of either cloud that are counted; of more, every second or third is, which bounds
-the time of forests."""
-
 EVERY_LAYER = -1
 
 CELLS = "uint8[:, :, ::1]"
@@ -169,12 +165,23 @@ def take_peaks(matches, conflicts, weight, radius, scores, shifts):
 
 @njit(
     f"Tuple((float64[:, :, ::1], int64[:, :, :, ::1]))(float64[::1], int64[::1], int64[:, ::1],"
-    f" int64, {SOURCE}, int64, float64, {TARGET}, float64[::1], int64, int64)",
+    f" int64, {SOURCE}, int64, float64, {TARGET}, int64, float64[::1], int64, int64)",
     cache=True,
     parallel=True,
 )
 def find_shifts(
-    turns, starts, centres, half_width, source, source_cells, size, target, weights, peaks, radius
+    turns,
+    starts,
+    centres,
+    half_width,
+    source,
+    source_cells,
+    size,
+    target,
+    max_counted,
+    weights,
+    peaks,
+    radius,
 ):
     """Find the best shifts of the turned source over the target, in windows of shifts.
 
@@ -196,6 +203,8 @@ def find_shifts(
         Edge of a cell.
     target
         Cloud that stays, as `TARGET`.
+    max_counted
+        Occupied cells of either cloud that are counted: of more, every second or third is.
     weights
         (C,) weights of a conflict over a match.
     peaks, radius
@@ -218,7 +227,7 @@ def find_shifts(
         # turned by half a turn: shifts run through it as through the target's tables
         turned, last = pad_rows(shown[:, ::-1, ::-1].copy()), source_cells - 1
         moving = list_cells(cells)
-        step = 1 + max(len(moving), len(occupied)) // MAX_COUNTED
+        step = 1 + max(len(moving), len(occupied)) // max_counted
         moving, staying = moving[::step].copy(), occupied[::step].copy()
         for window in range(starts[turn], starts[turn + 1]):
             row, column = centres[window, 0] - half_width, centres[window, 1] - half_width

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.progress import FractionCallback
 from mpe_core.search.box_turns import box_turns
-from mpe_core.search.levelled_pair import LevelledPair, level_clouds
+from mpe_core.search.levelled_effort import LevelledEffort
+from mpe_core.search.levelled_pair import LevelledPair
 from mpe_core.search.levelled_search import find_levelled_poses
 from mpe_core.search.nearest_lattice import NearestLattice, build_lattice
 from mpe_core.search.pose_prior import PosePrior
@@ -57,13 +58,13 @@ class CandidateSearch:
         surface = self._source.surface
         return find_poses(surface, self._lattice, level, self._prior, self._seed, report, rotations)
 
-    def find_levelled(self, report: FractionCallback) -> Candidates:
+    def find_levelled(
+        self, pair: LevelledPair, effort: LevelledEffort, report: FractionCallback
+    ) -> Candidates:
         """Search for poses that lay the grounds of both clouds on each other, best first."""
-        if self.levelled is None:
-            return NONE
         found = [
-            find_levelled_poses(source, self.levelled.target, LEVELLED_CANDIDATES, report)
-            for source in self.levelled.source
+            find_levelled_poses(source, pair.target, effort, LEVELLED_CANDIDATES, report)
+            for source in pair.source
         ]
         poses = np.concatenate([each.poses for each in found])
         scores = np.concatenate([each.scores for each in found])
@@ -76,11 +77,6 @@ class CandidateSearch:
         """Search for poses that turn the pose T (4, 4) as a box fits on itself, best first."""
         turns = box_turns(self._source.surface)
         return self.find(TURNED, report, T[:3, :3] @ turns) if len(turns) else NONE
-
-    @cached_property
-    def levelled(self) -> LevelledPair | None:
-        """Both clouds seen from above; None unless both show a ground."""
-        return level_clouds(self._source, self._target)
 
     @cached_property
     def _lattice(self) -> NearestLattice:

@@ -15,6 +15,8 @@ that does not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,9 +24,11 @@ from mpe_core.geometry.rigid import pose
 from mpe_core.kernels.layer_shifts import find_shifts, list_cells
 from mpe_core.progress import FractionCallback
 from mpe_core.search.levelled_cloud import CELL_SIZE, LevelledCloud
+from mpe_core.search.levelled_effort import LevelledEffort
 from mpe_core.search.pose_search import Candidates
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
 
 MAX_GRID_CELLS = 300
 """Cells along one side of a grid; wider scenes get larger cells, so that time stays bounded."""
@@ -32,16 +36,12 @@ MAX_GRID_CELLS = 300
 MAX_SHIFT_SHARE = 0.75
 """Largest distance of the centres over the sum of the radii; beyond it, clouds share their rims."""
 
-TURN_STEP_DEG = 3.0
-"""Step of the turns about the vertical: half a cell at 0.4 radii."""
-
 CONFLICT_WEIGHTS = (1.0, 2.0)
 """Weights of a conflict over a match. The first finds airborne strips and streets, the second
 halls with low overlap (docs/tuning.md)."""
 
-COARSE_CELLS, TURNS_KEPT = 2, 24
-"""Cells of a first pass over those of the second one, and turns of each weight that it leaves for
-that (docs/tuning.md)."""
+COARSE_CELLS = 2
+"""Cells of the first pass over those of the others (docs/tuning.md)."""
 
 SHIFTS_PER_TURN = 20
 """Coarse peaks that are taken for each turn and each weight (docs/tuning.md)."""
@@ -55,14 +55,23 @@ coarse cells."""
 
 
 def find_levelled_poses(
-    source: LevelledCloud, target: LevelledCloud, count: int, report: FractionCallback
+    source: LevelledCloud,
+    target: LevelledCloud,
+    effort: LevelledEffort,
+    count: int,
+    report: FractionCallback,
 ) -> Candidates:
     """Find the poses with the highest scores, for each of CONFLICT_WEIGHTS.
+
+    Three passes: coarse cells choose turns and shifts, some of the fine cells choose among these,
+    and all of them tell the scores.
 
     Parameters
     ----------
     source, target
         Clouds seen from above.
+    effort
+        Turns, windows and cells that are looked at.
     count
         Poses of each weight.
     report
@@ -76,36 +85,79 @@ def find_levelled_poses(
     """
     reach = MAX_SHIFT_SHARE * (source.radius + target.radius)
     size = max(CELL_SIZE, 2 * reach / MAX_GRID_CELLS)
-    turns = np.radians(np.arange(0.0, 360.0, TURN_STEP_DEG))
     coarse = _Counter(source, target, COARSE_CELLS * size, reach)
-    coarse_scores, coarse_shifts = coarse.find(
-        turns,
-        np.arange(len(turns) + 1),
-        np.zeros((len(turns), 2), np.int64),
-        int(np.ceil(reach / coarse.size)),
-        SHIFTS_PER_TURN,
-    )
+    every_turn = _Windows.of_turns(np.radians(np.arange(0.0, 360.0, effort.turn_step_deg)))
+    half_width = int(np.ceil(reach / coarse.size))
+    scores, shifts = coarse.find(every_turn, half_width, effort.coarse_counted, SHIFTS_PER_TURN)
     report(0.5)
-    chosen = _best_turns(coarse_scores)
-    # both weights often have the same peaks
-    centres = [np.unique(coarse_shifts[turn].reshape(-1, 2), axis=0) for turn in chosen]
-    starts = np.concatenate([[0], np.cumsum([len(each) for each in centres])])
-    turn_of_window = np.repeat(turns[chosen], np.diff(starts))
-    scores, shifts = _Counter(source, target, size, reach).find(
-        turns[chosen], starts, COARSE_CELLS * np.concatenate(centres), WINDOW, 1
-    )
+    fine = _Counter(source, target, size, reach)
+    best_turns = _best(scores[:, :, 0], effort.turns_kept)
+    windows = every_turn.around_peaks(best_turns, shifts, np.radians(effort.fine_turns_deg))
+    scores, _ = fine.find(windows, WINDOW, effort.few_counted, 1)
+    report(0.7)
+    windows = windows.select(_best(scores[:, :, 0], effort.windows_kept))
+    scores, shifts = fine.find(windows, WINDOW, effort.max_counted, 1)
+    turns = windows.turn_of_each
     poses, relative = [], []
     for kind in range(len(CONFLICT_WEIGHTS)):
         found = scores[:, kind, 0]
-        for window in _distinct(found, turn_of_window, shifts[:, kind, 0], count):
+        for window in _distinct(found, turns, shifts[:, kind, 0], count):
             if found[window] > 0:
                 shift = size * shifts[window, kind, 0]
-                poses.append(_pose(source, target, turn_of_window[window], shift))
+                poses.append(_pose(source, target, turns[window], shift))
                 relative.append(found[window] / found.max())
     order = np.argsort(-np.array(relative), kind="stable")
     return Candidates(
         np.array(poses).reshape(-1, 4, 4)[order], np.array(relative, np.float32)[order]
     )
+
+
+def _best(scores: Array, count: int) -> Rows:
+    """(K,) whether each of the scores (K, weights) is among the best of a weight."""
+    is_best = np.zeros(len(scores), np.bool_)
+    is_best[np.argsort(-scores, axis=0, kind="stable")[:count]] = True
+    return is_best
+
+
+@dataclass(frozen=True, slots=True)
+class _Windows:
+    """Windows of shifts of the source, some for each turn."""
+
+    turns: Array
+    """(T,) turns about the vertical, in radians."""
+    starts: NDArray[np.int64]
+    """(T + 1,) bounds of the windows of each turn."""
+    centres: NDArray[np.int64]
+    """(W, 2) middle of each window, in cells."""
+
+    @classmethod
+    def of_turns(cls, turns: Array) -> _Windows:
+        """One window around no shift for each turn."""
+        return cls(turns, np.arange(len(turns) + 1), np.zeros((len(turns), 2), np.int64))
+
+    def around_peaks(self, chosen: Rows, shifts: NDArray[np.int64], turns: Array) -> _Windows:
+        """Windows of fine cells around the shifts (T, weights, peaks, 2) of the chosen turns (T,).
+
+        Each is looked at under `turns` (K,) from there.
+        """
+        # both weights often have the same peaks
+        peaks = [np.unique(each.reshape(-1, 2), axis=0) for each in shifts[chosen]]
+        centres = [each for each in peaks for _ in turns]
+        return _Windows(
+            np.add.outer(self.turns[chosen], turns).ravel(),
+            np.cumsum([0, *(len(each) for each in centres)]),
+            COARSE_CELLS * np.concatenate(centres),
+        )
+
+    @property
+    def turn_of_each(self) -> Array:
+        """(W,) turn of each window."""
+        return np.repeat(self.turns, np.diff(self.starts))
+
+    def select(self, chosen: Rows) -> _Windows:
+        """Take the chosen (W,) of the windows."""
+        before = np.cumsum([0, *chosen])
+        return _Windows(self.turns, before[self.starts], self.centres[chosen])
 
 
 class _Counter:
@@ -128,23 +180,19 @@ class _Counter:
         )
 
     def find(
-        self,
-        turns: Array,
-        starts: NDArray[np.int64],
-        centres: NDArray[np.int64],
-        half_width: int,
-        peaks: int,
+        self, windows: _Windows, half_width: int, max_counted: int, peaks: int
     ) -> tuple[Array, NDArray[np.int64]]:
         """Find the best shifts in windows of shifts, see `find_shifts`."""
         scores, shifts = find_shifts(
-            turns,
-            starts,
-            np.ascontiguousarray(centres),
+            windows.turns,
+            windows.starts,
+            np.ascontiguousarray(windows.centres),
             half_width,
             self._source,
             self._source_cells,
             self.size,
             self._target,
+            max_counted,
             np.array(CONFLICT_WEIGHTS),
             peaks,
             PEAK_RADIUS,
@@ -168,12 +216,6 @@ def _distinct(scores: Array, turns: Array, shifts: NDArray[np.int64], count: int
         if len(kept) == count:
             break
     return kept
-
-
-def _best_turns(scores: Array) -> NDArray[np.int64]:
-    """Return the turns of the best peaks of each weight, by scores (turns, weights, peaks)."""
-    best = np.argsort(-scores[:, :, 0], axis=0, kind="stable")[:TURNS_KEPT]
-    return np.unique(best)
 
 
 def _pose(source: LevelledCloud, target: LevelledCloud, turn: float, shift: Array) -> Array:

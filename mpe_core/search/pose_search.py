@@ -13,6 +13,7 @@ from mpe_core.kernels.energy_descent import descend_poses
 from mpe_core.kernels.translation_votes import BINS_PER_EDGE, best_translations
 from mpe_core.options import ACCEPTANCE_THRESHOLD
 from mpe_core.progress import FractionCallback
+from mpe_core.search.levelled_effort import QUICK_LEVELLED, THOROUGH_LEVELLED, LevelledEffort
 from mpe_core.search.nearest_lattice import NearestLattice
 from mpe_core.search.pose_prior import PosePrior
 
@@ -74,8 +75,8 @@ class SearchLevel:
     """Rounds of descents, in order."""
     stop_confidence: float
     """Confidence of a refined pose that ends the search."""
-    with_levelled: bool = False
-    """Whether the search for levelled scenes follows, if nothing is found."""
+    levelled: LevelledEffort | None = None
+    """Search for levelled scenes that follows, if nothing is found; None if none does."""
 
 
 QUICK = SearchLevel(
@@ -90,7 +91,7 @@ QUICK = SearchLevel(
         AnnealingStage(points=2000, start_eps=0.06, end_eps=0.02, steps=10, keep=4),
     ),
     stop_confidence=0.9,
-    with_levelled=True,
+    levelled=QUICK_LEVELLED,
 )
 THOROUGH = SearchLevel(
     rotations=1152,
@@ -117,6 +118,7 @@ WIDE = SearchLevel(
         AnnealingStage(points=2000, start_eps=0.06, end_eps=0.02, steps=10, keep=64),
     ),
     stop_confidence=ACCEPTANCE_THRESHOLD,
+    levelled=THOROUGH_LEVELLED,
 )
 TURNED = replace(
     THOROUGH,

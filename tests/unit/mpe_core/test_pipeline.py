@@ -12,6 +12,7 @@ from mpe_core.pipeline import PosePipeline
 from mpe_core.progress import Progress
 from mpe_core.refine.minimum import Minimum
 from mpe_core.search.candidate_search import CandidateSearch
+from mpe_core.search.levelled_effort import QUICK_LEVELLED
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import SEARCH_LEVELS
 from tests.factories.clouds import knot
@@ -127,15 +128,23 @@ def street_steps(prior=None, stray=0.0):
     return PosePipeline(source, target, prior or PosePrior(), RegistrationOptions())
 
 
+def find_levelled(steps):
+    return steps.search.find_levelled(steps.judge.levelled, QUICK_LEVELLED, lambda share: None)
+
+
 def test_levelled_poses_are_those_that_the_prior_accepts():
-    assert len(street_steps().search.find_levelled(lambda share: None).poses)
-    upside_down = PosePrior(initial=np.diag([1.0, -1.0, -1.0, 1.0]))
-    found = street_steps(upside_down).search.find_levelled(lambda share: None)
+    free = street_steps()
+    assert len(find_levelled(free).poses)
+    upside_down = street_steps(PosePrior(initial=np.diag([1.0, -1.0, -1.0, 1.0])))
+    assert upside_down.judge.levelled is None  # near a start there is no search
+    found = upside_down.search.find_levelled(
+        free.judge.levelled, QUICK_LEVELLED, lambda share: None
+    )
     assert not len(found.poses)
-    assert len(street_steps(upside_down).run(Progress(None)))
+    assert len(upside_down.run(Progress(None)))
 
 
 def test_stray_points_do_not_widen_the_view_from_above():
-    found = street_steps(stray=1e5).search.find_levelled(lambda share: None)
+    found = find_levelled(street_steps(stray=1e5))
     moved = [pose[:3, 3] for pose in found.poses[:4]]
     assert min(np.linalg.norm(t - np.array([0.2, 0, 0])) for t in moved) < 0.05

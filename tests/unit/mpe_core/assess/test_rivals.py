@@ -68,4 +68,4 @@ def test_a_pose_far_ahead_of_all_others_is_accepted_where_noise_blurs_the_shape(
     truth = T_target @ inverse(T_source)
     assert rotation_error(found.T_target_source[:3, :3], truth[:3, :3]) < 1
     assert found.accepted
-    assert found.warnings == ()
+    assert {each.code for each in found.warnings} <= {"viewpoints_inferred"}

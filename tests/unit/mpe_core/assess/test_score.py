@@ -20,7 +20,7 @@ def scorer():
         prepare_cloud(2 * knot(20_000, np.random.default_rng(seed)) - [1.1, 0.3, 0.2])
         for seed in (0, 1)
     )
-    return PosePipeline(source, target, PosePrior(), RegistrationOptions()).scorer
+    return PosePipeline(source, target, PosePrior(), RegistrationOptions())
 
 
 def test_at_the_right_pose_all_points_lie_on_the_surface(scorer):

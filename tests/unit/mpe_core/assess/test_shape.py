@@ -30,7 +30,7 @@ def test_noise_alone_is_no_shape():
     flat = np.column_stack([rng.uniform(-1, 1, (20_000, 2)), 0.01 * rng.normal(size=20_000)])
     _, pipeline = pipeline_of(flat, flat)
     assert not tells_shape(pipeline.planes.variation)
-    assert pipeline.scorer.score(np.eye(4)).shape_correlation is None
+    assert pipeline.score(np.eye(4)).shape_correlation is None
     assert tells_shape(np.linspace(0.01, 0.1, 100, dtype=np.float32))
 
 
@@ -39,9 +39,9 @@ def test_a_wall_that_slides_on_itself_has_lost_its_shape():
     rng = np.random.default_rng(0)
     trial = moved(room(rng), rng, noise=0.002, largest_deg=0)
     centred, pipeline = pipeline_of(trial.source, trial.target)
-    right = pipeline.scorer.score(centred.from_caller(trial.T_target_source))
+    right = pipeline.score(centred.from_caller(trial.T_target_source))
     quarter = pose(axis_rotation(np.array([0.0, 0.0, 1.0]), np.pi / 2), np.zeros(3))
-    wrong = pipeline.scorer.score(centred.from_caller(quarter @ trial.T_target_source))
+    wrong = pipeline.score(centred.from_caller(quarter @ trial.T_target_source))
     assert right.shape_correlation > 0.6
     assert wrong.shape_correlation < 0.3
     assert right.score > wrong.score + 2

@@ -5,7 +5,6 @@ import pytest
 
 from mpe_core.kernels.layer_shifts import (
     EVERY_LAYER,
-    MAX_COUNTED,
     find_shifts,
     grow_cells,
     list_cells,
@@ -14,6 +13,7 @@ from mpe_core.kernels.layer_shifts import (
 
 LAYERS, SIZE, RADIUS = 2, 0.5, 2
 WEIGHTS = np.array([1.0, 2.0])
+MAX_COUNTED = 6000
 
 
 def draw(xy, layer, cells):
@@ -64,6 +64,7 @@ def search(source, target, half_width, peaks, *, turns=(0.0,), centre=(0, 0)):
         14,
         SIZE,
         (fixed[1], fixed[2], list_cells(fixed[0])),
+        MAX_COUNTED,
         WEIGHTS,
         peaks,
         RADIUS,
@@ -134,6 +135,7 @@ def test_of_very_many_cells_some_are_counted_for_all():
         cells,
         SIZE,
         (grown, np.zeros_like(grown), listed),
+        MAX_COUNTED,
         WEIGHTS,
         1,
         RADIUS,

@@ -8,13 +8,21 @@ from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply, inverse, rotation_error
+from mpe_core.search.levelled_effort import QUICK_LEVELLED, THOROUGH_LEVELLED, LevelledEffort
 from mpe_core.search.levelled_pair import level_clouds
 from mpe_core.search.levelled_search import find_levelled_poses
 from tests.factories.clouds import motion, random_rotation
 from tests.factories.worlds import World, hall, relative_pose, scan_world, street
 
+EFFORTS = (
+    pytest.param(QUICK_LEVELLED, id="quick"),
+    pytest.param(THOROUGH_LEVELLED, id="thorough"),
+)
 
-def first_right(world: World, places: list[list[float]], seed: int, *, knows: bool) -> int | None:
+
+def first_right(
+    world: World, places: list[list[float]], seed: int, effort: LevelledEffort, *, knows: bool
+) -> int | None:
     """Rank of the first candidate near the truth, for scans of the world from two places."""
     rng = np.random.default_rng(seed)
     source = scan_world(world, np.array(places[0]), rng, yaw=2.0)
@@ -29,7 +37,7 @@ def first_right(world: World, places: list[list[float]], seed: int, *, knows: bo
     levelled = level_clouds(*prepare_clouds(pair, options))
     assert levelled is not None
     found = [
-        find_levelled_poses(cloud, levelled.target, 16, lambda fraction: None)
+        find_levelled_poses(cloud, levelled.target, effort, 16, lambda fraction: None)
         for cloud in levelled.source
     ]
     poses = np.concatenate([each.poses for each in found])
@@ -43,19 +51,25 @@ def first_right(world: World, places: list[list[float]], seed: int, *, knows: bo
     return None
 
 
+@pytest.mark.parametrize("effort", EFFORTS)
 @pytest.mark.parametrize("knows", [False, True])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_two_scans_of_a_street_are_laid_on_each_other(seed: int, knows: bool) -> None:
+def test_two_scans_of_a_street_are_laid_on_each_other(
+    seed: int, knows: bool, effort: LevelledEffort
+) -> None:
     world = street(np.random.default_rng(seed))
-    rank = first_right(world, [[12.0, 0.5, 1.8], [-8.0, -0.5, 1.8]], seed, knows=knows)
+    rank = first_right(world, [[12.0, 0.5, 1.8], [-8.0, -0.5, 1.8]], seed, effort, knows=knows)
     assert rank is not None
     assert rank < 4
 
 
+@pytest.mark.parametrize("effort", EFFORTS)
 @pytest.mark.parametrize("seed", [2, 3])
-def test_a_hall_is_found_by_what_stands_between_floor_and_ceiling(seed: int) -> None:
+def test_a_hall_is_found_by_what_stands_between_floor_and_ceiling(
+    seed: int, effort: LevelledEffort
+) -> None:
     """Floor and ceiling match wherever a hall slides, upside down, too."""
     world = hall(np.random.default_rng(seed))
-    rank = first_right(world, [[-14.0, -4.0, 1.5], [8.0, 5.0, 1.5]], seed, knows=True)
+    rank = first_right(world, [[-14.0, -4.0, 1.5], [8.0, 5.0, 1.5]], seed, effort, knows=True)
     assert rank is not None
     assert rank < 8
