@@ -92,8 +92,9 @@ class Judge:
         clouds = self.source, self.target
         if self.levelled is None or any(cloud.viewpoints is not None for cloud in clouds):
             return None
-        x = find_full_sight(self.source.surface)
-        y = None if x is None else find_full_sight(self.target.surface)
+        grounds = self.levelled.source[0].ground, self.levelled.target.ground
+        x = find_full_sight(self.source.surface, grounds[0])
+        y = None if x is None else find_full_sight(self.target.surface, grounds[1])
         if x is None or y is None:
             return None
         source, target = (

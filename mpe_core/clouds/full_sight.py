@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mpe_core.clouds.ground import Ground
 from mpe_core.clouds.surface import Surface
+from mpe_core.geometry.rigid import rotation_between
 from mpe_core.kernels.hidden_points import hidden_shares
 
 Array = NDArray[np.float64]
@@ -37,8 +39,12 @@ SEEN_WEIGHT = 0.2
 in the midst of the points is looked for (docs/tuning.md)."""
 
 REACH, STEP = 0.3, 0.1
-"""Largest distance along an axis from the median of the points, and between the places that are
+"""Largest distance from the median of the points along the ground, and between the places that are
 tried first, in radii: with dense noise-free scans the share rises within a tenth of the place."""
+
+HEIGHTS, MAX_HEIGHT = (0.03, 0.08, 0.15), 0.2
+"""Heights over the ground of these places, and of any place: from high above a street most points
+are seen, and nothing is told (docs/tuning.md)."""
 
 FINER_STEPS = ((0.05, 8), (0.025, 4), (0.0125, 2))
 """Steps to the 26 places around the best ones that are left, and how many these are."""
@@ -67,8 +73,8 @@ class FullSight:
     """Share of the points that are not hidden from there."""
 
 
-def find_full_sight(surface: Surface) -> FullSight | None:
-    """Find the place amid the points from which the fewest are hidden.
+def find_full_sight(surface: Surface, ground: Ground) -> FullSight | None:
+    """Find the place over the ground amid the points from which the fewest are hidden.
 
     Minimises the share of hidden points less SEEN_WEIGHT times that of the directions with points.
 
@@ -85,14 +91,16 @@ def find_full_sight(surface: Surface) -> FullSight | None:
         return None
     middle = np.median(points, axis=0)
     radius = float(np.quantile(np.sqrt(np.square(points - middle).sum(axis=1)), 0.98))
-    x = (points - middle) / radius
+    R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
+    middle += (ground.height - middle @ ground.up) * ground.up  # on the ground
+    x, normals = (points - middle) @ R.T / radius, normals @ R.T
     drawn = np.random.default_rng(0).permutation(len(x))
     few, many = (
         (x[drawn[:count]], normals[drawn[:count]], edge)
         for count, edge in ((COARSE_POINTS, COARSE_EDGE), (FINE_POINTS, FINE_EDGE))
     )
     grid = np.arange(-REACH, REACH + STEP / 2, STEP)
-    places = np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
+    places = np.stack(np.meshgrid(grid, grid, HEIGHTS), axis=-1).reshape(-1, 3)
     hidden, seen = _look(places, few)
     usual = float(np.median(hidden))
     if usual < MIN_USUALLY_HIDDEN:
@@ -106,7 +114,7 @@ def find_full_sight(surface: Surface) -> FullSight | None:
     is_certain = hidden[best] <= min(MAX_HIDDEN, MAX_HIDDEN_RATIO * usual)
     if not is_certain or seen[best] < MIN_SEEN:
         return None
-    return FullSight(middle + radius * places[best], 1 - float(hidden[best]))
+    return FullSight(middle + radius * places[best] @ R, 1 - float(hidden[best]))
 
 
 def _look(places: Array, cloud: tuple[Array, Array, int]) -> tuple[Array, Array]:
@@ -119,6 +127,7 @@ def _look(places: Array, cloud: tuple[Array, Array, int]) -> tuple[Array, Array]
 def _step(places: Array, step: float, cloud: tuple[Array, Array, int]) -> Array:
     """Best of the places around each of the places (P, 3), without those that have met."""
     around = (places[:, None] + step * AROUND).reshape(-1, 3)
+    around[:, 2] = np.clip(around[:, 2], 0, MAX_HEIGHT)
     hidden, seen = _look(around, cloud)
     best = (hidden - SEEN_WEIGHT * seen).reshape(len(places), -1).argmin(axis=1)
     return np.unique(around.reshape(len(places), -1, 3)[np.arange(len(places)), best], axis=0)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mpe_core import RegistrationOptions, register
 from mpe_core.clouds.full_sight import FullSight, find_full_sight
+from mpe_core.clouds.ground import find_ground
 from mpe_core.clouds.normalize import robust_radius
 from mpe_core.clouds.preprocess import prepare_cloud
 from mpe_core.geometry.rigid import apply, rotation_error
@@ -21,7 +22,8 @@ def look(points: Array) -> tuple[FullSight | None, Array, float]:
     """What is found, its place in the frame of the points, and their radius."""
     centre = points.mean(axis=0)
     radius = robust_radius(points, centre)
-    sight = find_full_sight(prepare_cloud((points - centre) / radius).surface)
+    surface = prepare_cloud((points - centre) / radius).surface
+    sight = find_full_sight(surface, find_ground(surface.points))
     return sight, centre + radius * (np.zeros(3) if sight is None else sight.place), radius
 
 
