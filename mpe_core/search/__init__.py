@@ -12,7 +12,7 @@ next to nothing, so that outliers and parts that one of the clouds lacks do not 
 The energy has many minima. `pose_search.find_poses` finds starts by voting for translations, for
 rotations spread evenly over SO(3), and descends from the best of them while eps falls and the
 number of points grows. `levelled_search` tries, for scenes that show their ground, turns about
-the vertical and all shifts at once, as thoroughly as a `levelled_effort` says, and `box_turns` turns a pose as a box fits on itself.
-`candidate_search` has the three for a pair, `nearest_lattice` tabulates y*, and `pose_prior`
-restricts the search to what the caller knows.
+the vertical and all shifts at once, as thoroughly as a `levelled_effort` says, and `box_turns`
+turns a pose as a box fits on itself. `candidate_search` has the three for a pair,
+`nearest_lattice` tabulates y*, and `pose_prior` restricts the search to what the caller knows.
 """
