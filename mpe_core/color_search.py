@@ -62,11 +62,13 @@ def settle_by_color(first: Attempt, options: RegistrationOptions, progress: Prog
     sides = (1, -1) if any(each.axis is not None for each in painted) else (1,)
     source, target = painted
     fixed = _to_cloud(target.raise_relief(1), first, "target")
+    # no beam met what brightness raises
+    searched = replace(options, voxel_size=None, infer_viewpoints="never")
     tried = [
         register_rigidly(
             _to_cloud(source.raise_relief(side), first, "source"),
             fixed,
-            replace(options, voxel_size=None),
+            searched,
             progress,
             levels=LEVELS,
         )

@@ -398,7 +398,9 @@ def _find_flat(
     outlines = [draw_outline(each, plane) for each, plane in zip(points, planes, strict=True)]
     walls = [validate_cloud(outline.raise_walls(), "outline") for outline in outlines]
     is_level = planes[0].is_level and planes[1].is_level
-    searched = RegistrationOptions(yaw_only=is_level, overlap=options.overlap, seed=options.seed)
+    searched = RegistrationOptions(
+        yaw_only=is_level, overlap=options.overlap, seed=options.seed, infer_viewpoints="never"
+    )
     # what the walls' surface is like comes from the spacing of the points
     attempt = register_rigidly(walls[0], walls[1], searched, progress, compares_shape=False)
 
