@@ -53,6 +53,18 @@ def test_a_pattern_settles_what_slides(make, most):
     assert make == "tube" or np.median(across) < 0.005  # the surfaces settle what they can
 
 
+def test_no_free_space_is_told_from_what_brightness_raises():
+    """From a place of full sight over the relief of a road, a wrong pose looked better."""
+    rng = np.random.default_rng(7)
+    first, second = road(rng, 0), road(rng, rng.uniform(2, 8))
+    there, light = scanned(first, rng)
+    source = moved(there, rng)
+    found = register(source, second[0], source_colors=light, target_colors=60 * second[1] - 400)
+    assert found.accepted
+    off = np.linalg.norm(apply(found.T_target_source, source) - there, axis=1)
+    assert np.sqrt(np.square(off).mean()) < 0.1  # of thirty metres
+
+
 def test_unlike_patterns_settle_nothing():
     rng = np.random.default_rng(2)
     there, light = scanned(wall(rng, paint(rng), 0, 2000), rng)
