@@ -10,6 +10,7 @@ from benchmarks.free_space import FREE_SPACE_EXPERIMENT
 from benchmarks.held_out import HELD_OUT
 from benchmarks.kernels import KERNELS
 from benchmarks.kinds.experiment import KINDS_EXPERIMENT
+from benchmarks.left_out import LEFT_OUT
 from benchmarks.page import PAGE
 from benchmarks.pairs import PAIRS
 from benchmarks.parts import PARTS
@@ -29,6 +30,7 @@ if __name__ == "__main__":
             PARTS,
             SCENES_EXPERIMENT,
             FAMILIES_EXPERIMENT,
+            LEFT_OUT,
             FREE_SPACE_EXPERIMENT,
             KINDS_EXPERIMENT,
             CLOSURE,

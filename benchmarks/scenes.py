@@ -44,7 +44,7 @@ def _attempts(pair: Pair, seed: int, trial: Trial) -> Iterator[Result]:
         ways[WITH_VIEWPOINTS] = viewpoint_options(pair, trial)
     for name, options in ways.items():
         found, seconds = timed(register, trial.source, trial.target, options)
-        errors = _errors(pair, trial, found.T_target_source)
+        errors = errors_of(pair, trial, found.T_target_source)
         yield (
             labels
             | errors
@@ -59,7 +59,7 @@ def _attempts(pair: Pair, seed: int, trial: Trial) -> Iterator[Result]:
     for peer in PEERS:
         if peer.version:
             T, seconds = timed(peer.register, trial.source, trial.target)
-            yield labels | _errors(pair, trial, T) | {"method": peer.name, "seconds": seconds}
+            yield labels | errors_of(pair, trial, T) | {"method": peer.name, "seconds": seconds}
 
 
 def viewpoint_options(pair: Pair, trial: Trial) -> RegistrationOptions:
@@ -69,7 +69,8 @@ def viewpoint_options(pair: Pair, trial: Trial) -> RegistrationOptions:
     return RegistrationOptions(source_viewpoint=(x, y, z), target_viewpoint=(0.0, 0.0, 0.0))
 
 
-def _errors(pair: Pair, trial: Trial, T: np.ndarray) -> Result:
+def errors_of(pair: Pair, trial: Trial, T: np.ndarray) -> Result:
+    """Return whether a pose is right by the tolerances of the pair, and its errors."""
     degrees, shift = pose_error(T, trial.T_target_source, trial.source)
     return {"right": is_right(pair, degrees, shift), "degrees": degrees, "shift": shift}
 
@@ -108,7 +109,7 @@ def table(result: Result) -> str:
                 "median seconds",
                 "95 %",
             ),
-            [_verdicts(name, [row for row in rows if row["method"] == name]) for name in ours],
+            [verdicts(name, [row for row in rows if row["method"] == name]) for name in ours],
         )
     )
 
@@ -132,7 +133,8 @@ def _line(
     return cells
 
 
-def _verdicts(name: str, rows: Sequence[Result]) -> list[object]:
+def verdicts(name: str, rows: Sequence[Result]) -> list[object]:
+    """Return a line of a table: how many of the poses are right, and what is said of them."""
     right = np.array([row["right"] for row in rows])
     accepted = np.array([row["accepted"] for row in rows])
     confidence = np.array([row["confidence"] for row in rows])
