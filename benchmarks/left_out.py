@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from unittest import mock
 
-from benchmarks.experiment import RESULTS, Experiment, Result, markdown, timed
+from benchmarks.experiment import RESULTS, Experiment, Result, markdown
 from benchmarks.families import Poses, fit, poses_of
 from benchmarks.scenes import (
     OURS,
     SCENES,
     SEEDS,
     WITH_VIEWPOINTS,
-    errors_of,
+    our_attempts,
     verdicts,
-    viewpoint_options,
 )
-from mpe_core import RegistrationOptions, register
 from mpe_core.assess import confidence
 from mpe_core.assess.confidence import Model
-from tests.factories.clouds import Pair, real_trial
+from tests.factories.clouds import real_trial
 
 
 def run() -> Result:
@@ -38,7 +36,9 @@ def run() -> Result:
                 confidence, "SEEN_MODEL", _without(family, seen, confidence.SEEN_MODEL)
             ),
         ):
-            rows += [row for pair in mine for row in _attempts(pair)]
+            for pair, seed in product(mine, range(SEEDS)):
+                trial = real_trial(SCENES, pair, seed=seed)
+                rows += [{"suite": family} | row for row in our_attempts(pair, trial)]
     return {"rows": rows}
 
 
@@ -57,24 +57,6 @@ def _without(family: str, cases: list[Poses], model: Model) -> Model:
         intercept=intercept,
         best=(score, contrast, offset),
     )
-
-
-def _attempts(pair: Pair) -> Iterator[Result]:
-    for seed in range(SEEDS):
-        trial = real_trial(SCENES, pair, seed=seed)
-        ways = {OURS: RegistrationOptions()}
-        if pair["viewpoints"]:
-            ways[WITH_VIEWPOINTS] = viewpoint_options(pair, trial)
-        for name, options in ways.items():
-            found, seconds = timed(register, trial.source, trial.target, options)
-            yield {
-                **errors_of(pair, trial, found.T_target_source),
-                "suite": pair["suite"],
-                "method": name,
-                "seconds": seconds,
-                "confidence": found.confidence,
-                "accepted": found.accepted,
-            }
 
 
 def table(result: Result) -> str:

@@ -39,27 +39,29 @@ def _trials() -> Iterator[tuple[Pair, int, Trial]]:
 def _attempts(pair: Pair, seed: int, trial: Trial) -> Iterator[Result]:
     """Yield a row for each method: whether it is right, its errors, seconds, confidence."""
     labels = {key: pair[key] for key in ("id", "suite", "overlap", "viewpoints")} | {"seed": seed}
+    for row in our_attempts(pair, trial):
+        yield labels | row
+    for peer in PEERS:
+        if peer.version:
+            T, seconds = timed(peer.register, trial.source, trial.target)
+            yield labels | _errors(pair, trial, T) | {"method": peer.name, "seconds": seconds}
+
+
+def our_attempts(pair: Pair, trial: Trial) -> Iterator[Result]:
+    """Yield a row without viewpoints, and one with them where they are known."""
     ways = {OURS: RegistrationOptions()}
     if pair["viewpoints"]:
         ways[WITH_VIEWPOINTS] = viewpoint_options(pair, trial)
     for name, options in ways.items():
         found, seconds = timed(register, trial.source, trial.target, options)
-        errors = errors_of(pair, trial, found.T_target_source)
-        yield (
-            labels
-            | errors
-            | {
-                "method": name,
-                "seconds": seconds,
-                "confidence": found.confidence,
-                "accepted": found.accepted,
-                "ambiguous": found.ambiguous,
-            }
-        )
-    for peer in PEERS:
-        if peer.version:
-            T, seconds = timed(peer.register, trial.source, trial.target)
-            yield labels | errors_of(pair, trial, T) | {"method": peer.name, "seconds": seconds}
+        yield {
+            **_errors(pair, trial, found.T_target_source),
+            "method": name,
+            "seconds": seconds,
+            "confidence": found.confidence,
+            "accepted": found.accepted,
+            "ambiguous": found.ambiguous,
+        }
 
 
 def viewpoint_options(pair: Pair, trial: Trial) -> RegistrationOptions:
@@ -69,8 +71,7 @@ def viewpoint_options(pair: Pair, trial: Trial) -> RegistrationOptions:
     return RegistrationOptions(source_viewpoint=(x, y, z), target_viewpoint=(0.0, 0.0, 0.0))
 
 
-def errors_of(pair: Pair, trial: Trial, T: np.ndarray) -> Result:
-    """Return whether a pose is right by the tolerances of the pair, and its errors."""
+def _errors(pair: Pair, trial: Trial, T: np.ndarray) -> Result:
     degrees, shift = pose_error(T, trial.T_target_source, trial.source)
     return {"right": is_right(pair, degrees, shift), "degrees": degrees, "shift": shift}
 

@@ -81,7 +81,7 @@ def _about_sights(sights: tuple[FullSight, FullSight] | None) -> Iterator[CodedW
     if sights is not None:
         yield CodedWarning(
             "viewpoints_inferred",
-            f"nobody told where the scanners stood, but there is a place from which"
+            "nobody told where the scanners stood, but there is a place from which"
             f" {sights[0].certainty:.1%} of the source's points are seen, and one for"
             f" {sights[1].certainty:.1%} of the target's; what lies between is taken to be free. If"
             ' that is wrong, give both viewpoints, or set infer_viewpoints to "never"',

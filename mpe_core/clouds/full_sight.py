@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.ground import Ground
+from mpe_core.clouds.normalize import robust_radius
 from mpe_core.clouds.surface import Surface
 from mpe_core.geometry.rigid import rotation_between
 from mpe_core.kernels.hidden_points import hidden_shares
@@ -90,7 +91,7 @@ def find_full_sight(surface: Surface, ground: Ground) -> FullSight | None:
     if len(points) < COARSE_POINTS:
         return None
     middle = np.median(points, axis=0)
-    radius = float(np.quantile(np.sqrt(np.square(points - middle).sum(axis=1)), 0.98))
+    radius = robust_radius(points, middle)
     R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
     middle += (ground.height - middle @ ground.up) * ground.up  # on the ground
     x, normals = (points - middle) @ R.T / radius, normals @ R.T
