@@ -27,6 +27,11 @@ CELLS = "Tuple((float32[:, ::1], int32[::1], int64[::1], int32[::1], float32[::1
 MAX_CELL_INDEX = 2**21 - 2
 """Largest index of a cell along an axis: a key holds 21 bits an axis."""
 
+QUERY, COLUMNS = "float32, float32, float32", "float32[::1], float32[::1], float32[::1]"
+"""Coordinates of a query, and of points."""
+FARTHEST = np.int32(0x7F7FFFFF)
+"""Bits of the largest squared distance, see `to_bits`."""
+
 NEIGHBOR_STEPS = (0, -1, 1)
 """Steps along an axis; the middle cell first, whose points rule out most of the others."""
 
@@ -126,49 +131,124 @@ def column_run(place, step_x, step_y, limit, cells):
     return first, last
 
 
-@njit("int64(float32)", cache=True, inline="always")
-def distance_key(squared):
-    """Return a squared distance as the upper half of an integer, in the same order."""
-    return np.int64(np.float32(squared).view(np.int32)) << 32
+@njit("int32(float32)", cache=True, inline="always")
+def to_bits(squared):
+    """Return the bits of a squared distance: integers in the same order.
 
-
-@njit(
-    "int64(float32, float32, float32, int64, float32[::1], float32[::1], float32[::1], int64)",
-    cache=True,
-    fastmath=True,
-)
-def min_distance_key(qx, qy, qz, best, px, py, pz, first):
-    """Return the smaller of `best` and the least distance key of the points px, py, pz.
-
-    The lower half of a key is the column of its point, counted from `first`. The compiler turns a
-    minimum of integers into vector instructions, but not a minimum of floats.
+    The compiler turns a minimum of integers into vector instructions, but not a minimum of floats.
     """
+    return np.float32(squared).view(np.int32)
+
+
+@njit("float32(int32)", cache=True, inline="always")
+def from_bits(bits):
+    """Return the squared distance with these bits."""
+    return np.int32(bits).view(np.float32)
+
+
+@njit(f"int32({QUERY}, int64, {COLUMNS})", cache=True, fastmath=True)
+def least_of_others(qx, qy, qz, left_out, px, py, pz):
+    """Return the bits of the least squared distance from a query to the points px, py, pz.
+
+    The point of the row `left_out` is none of them; -1 leaves out none.
+    """
+    row, best = np.int32(left_out), FARTHEST
     for j in range(px.shape[0]):
         dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
-        best = min(best, distance_key(dx * dx + dy * dy + dz * dz) | (first + j))
+        bits = to_bits(dx * dx + dy * dy + dz * dz)
+        best = min(best, FARTHEST if np.int32(j) == row else bits)
     return best
 
 
-@njit(f"int64(float32, float32, float32, int64, {CELLS})", cache=True)
-def nearest_key(qx, qy, qz, best, cells):
-    """Return the smaller of `best` and the least distance key of all points around a place.
+@njit(f"int64({QUERY}, int32, {COLUMNS})", cache=True, fastmath=True)
+def first_at(qx, qy, qz, bits, px, py, pz):
+    """Return the first row of px, py, pz at the squared distance with these bits."""
+    first = FARTHEST
+    for j in range(px.shape[0]):
+        dx, dy, dz = px[j] - qx, py[j] - qy, pz[j] - qz
+        is_there = to_bits(dx * dx + dy * dy + dz * dz) == bits
+        first = min(first, np.int32(j) if is_there else FARTHEST)
+    return first
 
-    `best` is the key of the largest distance that is asked for, at most the edge of the cells.
+
+@njit(f"Tuple((int64, int32))({QUERY}, int64, int32, {CELLS})", cache=True)
+def nearest_point(qx, qy, qz, column, bits, cells):
+    """Find the nearest point to a query.
+
+    Parameters
+    ----------
+    qx, qy, qz
+        The query.
+    column, bits
+        Column of a point, and the bits of its squared distance; or -1, and those of the largest
+        distance that is asked for, at most the edge of the cells.
+    cells
+        Cell list, as `CELLS`.
+
+    Returns
+    -------
+    Column and bits of the nearest point: those that are given unless another one is nearer.
     """
     place = locate(qx, qy, qz, cells)
     if min(place[0], place[1], place[2]) < -1:
-        return best
+        return column, bits
     if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
-        return best
-    columns = cells[0]
-    x, y, z = columns[0], columns[1], columns[2]
+        return column, bits
+    x, y, z = cells[0][0], cells[0][1], cells[0][2]
     for sx in NEIGHBOR_STEPS:
         for sy in NEIGHBOR_STEPS:
-            limit = np.int32(best >> 32).view(np.float32)
+            a, b = column_run(place, sx, sy, from_bits(bits), cells)
+            if a < b:
+                px, py, pz = x[a:b], y[a:b], z[a:b]
+                least = least_of_others(qx, qy, qz, -1, px, py, pz)
+                if least < bits:
+                    column, bits = a + first_at(qx, qy, qz, least, px, py, pz), least
+    return column, bits
+
+
+@njit(f"Tuple((int64, int32, int32))({QUERY}, int64, int32, {CELLS})", cache=True)
+def nearest_of_all(qx, qy, qz, column, bits, cells):
+    """Find the nearest point to a query, and how near others may be.
+
+    Parameters
+    ----------
+    qx, qy, qz, column, bits, cells
+        As those of `nearest_point`.
+
+    Returns
+    -------
+    Column and bits of the nearest point, as those of `nearest_point`, and bits of a squared
+    distance within which no other point lies.
+    """
+    place, size = locate(qx, qy, qz, cells), cells[5]
+    others = to_bits(np.float32(0.998) * size * size)
+    if min(place[0], place[1], place[2]) < -1:
+        return column, bits, others
+    if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
+        return column, bits, others
+    x, y, z = cells[0][0], cells[0][1], cells[0][2]
+    for sx in NEIGHBOR_STEPS:
+        for sy in NEIGHBOR_STEPS:
+            limit = from_bits(bits)
+            gap = squared_gap(sx, place[3], size) + squared_gap(sy, place[4], size)
+            if gap > limit:
+                others = min(others, to_bits(gap))
+                continue
+            for sz in NEIGHBOR_STEPS:
+                beside = gap + squared_gap(sz, place[5], size)
+                if beside > limit:
+                    others = min(others, to_bits(beside))
             a, b = column_run(place, sx, sy, limit, cells)
             if a < b:
-                best = min_distance_key(qx, qy, qz, best, x[a:b], y[a:b], z[a:b], a)
-    return best
+                px, py, pz = x[a:b], y[a:b], z[a:b]
+                least = least_of_others(qx, qy, qz, column - a, px, py, pz)
+                if least < bits:
+                    if column >= 0:
+                        others = min(others, bits)
+                    column, bits = a + first_at(qx, qy, qz, least, px, py, pz), least
+                    least = least_of_others(qx, qy, qz, column - a, px, py, pz)
+                others = min(others, least)
+    return column, bits, others
 
 
 @njit(
@@ -196,10 +276,11 @@ def nearest_within(queries, reach, cells):
     n = queries.shape[0]
     nearest = np.full(n, np.int32(-1))
     squared = np.full(n, np.float32(np.inf))
-    none = distance_key(reach * reach)
+    none = to_bits(reach * reach)
     for i in prange(n):
-        best = nearest_key(queries[i, 0], queries[i, 1], queries[i, 2], none, cells)
-        if best < none:
-            nearest[i] = np.int32(best & 0x7FFFFFFF)
-            squared[i] = np.int32(best >> 32).view(np.float32)
+        x, y, z = queries[i, 0], queries[i, 1], queries[i, 2]
+        column, bits = nearest_point(x, y, z, -1, none, cells)
+        nearest[i] = column
+        if column >= 0:
+            squared[i] = from_bits(bits)
     return nearest, squared

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.cell_list import CELLS, distance_key, nearest_key
+from mpe_core.kernels.cell_list import CELLS, from_bits, nearest_of_all, to_bits
 from mpe_core.kernels.energy_descent import solve_cholesky
 from mpe_core.kernels.rigid_motion import update_pose
 
@@ -13,6 +13,9 @@ MOVING = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """Points (N, 3), and unit normals (N, 3) that point outwards, or (0, 3) if these are unknown."""
 PLANES = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """A point (M, 3) of each plane in the order of the cells, and unit normals (M, 3)."""
+
+EQUATION_SUMS = 27
+"""Numbers of a sum of normal equations: those of the upper triangle, and of the right side."""
 
 POINTS_PER_TASK = 512
 """Points of one pose whose nearest ones one task finds."""
@@ -26,13 +29,17 @@ def _move(T, point, moved):
 
 
 @njit(
-    f"void(float64[:, :, ::1], int64[::1], int32[:, ::1], float32[:, ::1], float32, {CELLS})",
+    "void(float64[:, :, ::1], int64[::1], int32[:, ::1], float32[:, :, ::1], float32[:, ::1],"
+    f" float32, {CELLS})",
     cache=True,
     parallel=True,
     error_model="numpy",
 )
-def find_nearest(poses, rows, nearest, points, reach, cells):
+def find_nearest(poses, rows, nearest, anchors, points, reach, cells):
     """Find the column of the cell list next to each point at some of the poses.
+
+    A point that has moved from where it was looked up by less than half of what its second column
+    is farther away than its nearest one keeps that.
 
     Parameters
     ----------
@@ -43,6 +50,9 @@ def find_nearest(poses, rows, nearest, points, reach, cells):
     nearest
         (K, N) takes the columns, -1 beyond reach. It holds those of the last step, or -1, which
         bound the search.
+    anchors
+        (K, N, 4) takes where each point was looked up, and how far it may go from there. It holds
+        those of the last step; less than 0 where none was.
     points
         (N, 3) points that move.
     reach
@@ -51,7 +61,7 @@ def find_nearest(poses, rows, nearest, points, reach, cells):
         Cell list of the fixed cloud, as `CELLS`.
     """
     columns = cells[0]
-    none = distance_key(reach * reach)
+    none = to_bits(reach * reach)
     count = points.shape[0]
     tasks = (count + POINTS_PER_TASK - 1) // POINTS_PER_TASK
     for task in prange(len(rows) * tasks):
@@ -61,13 +71,29 @@ def find_nearest(poses, rows, nearest, points, reach, cells):
         for i in range(first, min(first + POINTS_PER_TASK, count)):
             _move(poses[row], points[i], moved)
             px, py, pz = moved[0], moved[1], moved[2]
-            best = none
-            if nearest[row, i] >= 0:
-                k = nearest[row, i]
-                dx, dy, dz = columns[0, k] - px, columns[1, k] - py, columns[2, k] - pz
-                best = min(best, distance_key(dx * dx + dy * dy + dz * dz) | k)
-            best = nearest_key(px, py, pz, best, cells)
-            nearest[row, i] = np.int32(best & 0x7FFFFFFF) if best < none else np.int32(-1)
+            anchor = anchors[row, i]
+            slack = anchor[3]
+            dx, dy, dz = anchor[0] - px, anchor[1] - py, anchor[2] - pz
+            if slack > 0 and dx * dx + dy * dy + dz * dz < slack * slack:
+                continue
+            column, bits = np.int64(nearest[row, i]), none
+            if column >= 0:
+                dx = columns[0, column] - px
+                dy = columns[1, column] - py
+                dz = columns[2, column] - pz
+                bits = to_bits(dx * dx + dy * dy + dz * dz)
+                if bits >= none:
+                    column, bits = -1, none
+            column, bits, others = nearest_of_all(px, py, pz, column, bits, cells)
+            gap = np.sqrt(from_bits(others))
+            if column < 0:
+                slack = gap - reach
+            else:
+                slack = 0.5 * (min(gap, reach) - np.sqrt(from_bits(bits)))
+            # a little less, since places and distances are rounded
+            anchor[3] = 0.99 * slack - 1e-6 * (abs(px) + abs(py) + abs(pz))
+            anchor[0], anchor[1], anchor[2] = px, py, pz
+            nearest[row, i] = column
 
 
 @njit("int64[::1](int32[:, ::1], int64[::1], boolean[::1])", cache=True)
@@ -84,50 +110,91 @@ def find_unknown(nearest, rows, is_known):
 
 
 @njit(
-    f"void(float64[:, ::1], float64[:, ::1], float64[::1], int32[::1], {MOVING}, {PLANES},"
-    " float32)",
+    f"void(float64[:, ::1], int32[::1], {MOVING}, {PLANES}, float32, int64, int64, float64[::1])",
     cache=True,
     error_model="numpy",
 )
-def sum_equations(T, H, g, nearest, moving, planes, cutoff):
-    """Sum the normal equations of the points at the pose T into H (6, 6) and g (6,).
+def sum_equations(T, nearest, moving, planes, cutoff, first, last, sums):
+    """Sum the normal equations of some of the points at the pose T.
 
     The function is the sum of rho(n.(y - p)) over a small motion p -> p + w x p + v of the moved
     points p, y the point of the plane `nearest` (N,) to each and n its normal, with Tukey's
     biweight rho. Its step (w, v) solves H (w, v) = g.
+
+    Parameters
+    ----------
+    T, nearest, moving, planes, cutoff
+        As those of `step_on_planes`, of one pose.
+    first, last
+        Bounds of the points that are summed.
+    sums
+        (27,) takes the upper triangle of H, row by row, and g.
     """
+    # unrolled on purpose, see `normal_equations`
     points, outward = moving
     feet, normals = planes
-    H[:], g[:] = 0.0, 0.0
-    J, moved = np.empty(6), np.empty(3, np.float32)
-    for i in range(points.shape[0]):
+    has_outward = outward.shape[0] > 0
+    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = 0.0
+    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = 0.0
+    g0 = g1 = g2 = g3 = g4 = g5 = 0.0
+    moved = np.empty(3, np.float32)
+    for i in range(first, last):
         k = nearest[i]
         if k < 0:
             continue
-        if outward.shape[0] > 0:
-            facing = 0.0
-            for a in range(3):
-                facing += normals[k, a] * (
-                    T[a, 0] * outward[i, 0] + T[a, 1] * outward[i, 1] + T[a, 2] * outward[i, 2]
-                )
+        x, y, z = normals[k, 0], normals[k, 1], normals[k, 2]
+        if has_outward:
+            ox, oy, oz = outward[i, 0], outward[i, 1], outward[i, 2]
+            facing = x * (T[0, 0] * ox + T[0, 1] * oy + T[0, 2] * oz)
+            facing += y * (T[1, 0] * ox + T[1, 1] * oy + T[1, 2] * oz)
+            facing += z * (T[2, 0] * ox + T[2, 1] * oy + T[2, 2] * oz)
             if facing < 0.0:
                 continue
         _move(T, points[i], moved)
         px, py, pz = moved[0], moved[1], moved[2]
-        nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
-        d = (feet[k, 0] - px) * nx + (feet[k, 1] - py) * ny + (feet[k, 2] - pz) * nz
+        d = np.float64((feet[k, 0] - px) * x + (feet[k, 1] - py) * y + (feet[k, 2] - pz) * z)
         u = (d / cutoff) ** 2
         if u < 1.0:
             w = (1.0 - u) * (1.0 - u)
-            J[0] = py * nz - pz * ny
-            J[1] = pz * nx - px * nz
-            J[2] = px * ny - py * nx
-            J[3], J[4], J[5] = nx, ny, nz
-            for r in range(6):
-                wr = w * J[r]
-                g[r] += wr * d
-                for c in range(6):
-                    H[r, c] += wr * J[c]
+            a, b, c = (
+                np.float64(py * z - pz * y),
+                np.float64(pz * x - px * z),
+                np.float64(px * y - py * x),
+            )
+            wa, wb, wc, wx, wy, wz, wd = w * a, w * b, w * c, w * x, w * y, w * z, w * d
+            h00 += wa * a
+            h01 += wa * b
+            h02 += wa * c
+            h03 += wa * x
+            h04 += wa * y
+            h05 += wa * z
+            h11 += wb * b
+            h12 += wb * c
+            h13 += wb * x
+            h14 += wb * y
+            h15 += wb * z
+            h22 += wc * c
+            h23 += wc * x
+            h24 += wc * y
+            h25 += wc * z
+            h33 += wx * x
+            h34 += wx * y
+            h35 += wx * z
+            h44 += wy * y
+            h45 += wy * z
+            h55 += wz * z
+            g0 += wd * a
+            g1 += wd * b
+            g2 += wd * c
+            g3 += wd * x
+            g4 += wd * y
+            g5 += wd * z
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = h00, h01, h02, h03, h04, h05
+    sums[6], sums[7], sums[8], sums[9], sums[10] = h11, h12, h13, h14, h15
+    sums[11], sums[12], sums[13], sums[14] = h22, h23, h24, h25
+    sums[15], sums[16], sums[17] = h33, h34, h35
+    sums[18], sums[19], sums[20] = h44, h45, h55
+    sums[21], sums[22], sums[23], sums[24], sums[25], sums[26] = g0, g1, g2, g3, g4, g5
 
 
 @njit("void(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, error_model="numpy")
@@ -161,6 +228,27 @@ def solve_allowed(H, g, allowed):
     g[:] = b
 
 
+@njit("Tuple((float64[:, ::1], float64[::1]))(float64[:, ::1])", cache=True)
+def add_equations(parts):
+    """Add the sums (P, 27) of parts of the points, as those of `sum_equations`.
+
+    Returns
+    -------
+    H (6, 6) and g (6,).
+    """
+    total = np.zeros(EQUATION_SUMS)
+    for part in range(parts.shape[0]):
+        for k in range(EQUATION_SUMS):
+            total[k] += parts[part, k]
+    H, g, k = np.empty((6, 6)), np.empty(6), 0
+    for r in range(6):
+        g[r] = total[EQUATION_SUMS - 6 + r]
+        for c in range(r, 6):
+            H[r, c] = H[c, r] = total[k]
+            k += 1
+    return H, g
+
+
 @njit(
     f"float64[::1](float64[:, :, ::1], int64[::1], int32[:, ::1], {MOVING}, {PLANES}, float32[::1],"
     " float64[:, ::1])",
@@ -192,12 +280,19 @@ def step_on_planes(poses, rows, nearest, moving, planes, cutoffs, allowed):
     -------
     (A,) largest component of each step.
     """
+    tasks = (len(moving[0]) + POINTS_PER_TASK - 1) // POINTS_PER_TASK
+    parts = np.empty((len(rows), tasks, EQUATION_SUMS))
+    for task in prange(len(rows) * tasks):
+        a, part = task // tasks, task % tasks
+        first, row = part * POINTS_PER_TASK, rows[a]
+        last = min(first + POINTS_PER_TASK, len(moving[0]))
+        sum_equations(
+            poses[row], nearest[row], moving, planes, cutoffs[a], first, last, parts[a, part]
+        )
     sizes = np.zeros(len(rows))
     for a in prange(len(rows)):
-        row = rows[a]
-        H, g = np.empty((6, 6)), np.empty(6)
-        sum_equations(poses[row], H, g, nearest[row], moving, planes, cutoffs[a])
+        H, g = add_equations(parts[a])
         solve_allowed(H, g, allowed)
-        update_pose(poses[row], g)
+        update_pose(poses[rows[a]], g)
         sizes[a] = np.abs(g).max()
     return sizes

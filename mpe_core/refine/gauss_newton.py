@@ -58,12 +58,21 @@ def minimize_point_to_plane(
     cutoffs, tolerances = cutoffs[is_near:], tolerances[is_near:]
     allowed = motion_basis @ np.linalg.pinv(motion_basis)
     nearest = np.full((len(ends), len(sample.points)), -1, np.int32)
+    anchors = np.full((*nearest.shape, 4), -1, np.float32)
     steps, rounds = np.zeros((2, len(ends)), np.int64)
     for _ in range(max_steps):
         rows = np.flatnonzero(rounds < len(cutoffs))
         if not len(rows):
             break
-        find_nearest(ends, rows, nearest, sample.points, target.cells.reach, target.cells.arrays)
+        find_nearest(
+            ends,
+            rows,
+            nearest,
+            anchors,
+            sample.points,
+            target.cells.reach,
+            target.cells.arrays,
+        )
         target.fit_nearest(nearest, rows)
         sizes = step_on_planes(
             ends,

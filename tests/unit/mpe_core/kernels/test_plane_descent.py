@@ -5,12 +5,15 @@ import pytest
 
 from mpe_core.geometry.cell_list import CellList
 from mpe_core.kernels.plane_descent import (
+    EQUATION_SUMS,
+    add_equations,
     find_nearest,
     find_unknown,
     solve_allowed,
     step_on_planes,
     sum_equations,
 )
+from mpe_core.kernels.rigid_motion import update_pose
 
 CUTOFF, REACH = 0.2, 0.5
 
@@ -33,21 +36,28 @@ def moving():
     return points.astype(np.float32), outward.astype(np.float32)
 
 
-def nearest_planes(fixed, moving, T=None, nearest=None):
+def no_columns(count, points):
+    """Columns (count, N) and anchors (count, N, 4) before the first step."""
+    shape = count, len(points)
+    return np.full(shape, -1, np.int32), np.full((*shape, 4), -1, np.float32)
+
+
+def nearest_planes(fixed, moving, T=None, last=None):
     """(1, N) columns next to the points at a pose."""
     cells, _ = fixed
-    nearest = np.full((1, len(moving[0])), -1, np.int32) if nearest is None else nearest
+    nearest, anchors = last or no_columns(1, moving[0])
     poses = np.eye(4)[None] if T is None else T[None]
-    find_nearest(poses, np.array([0]), nearest, moving[0], cells.reach, cells.arrays)
+    find_nearest(poses, np.array([0]), nearest, anchors, moving[0], cells.reach, cells.arrays)
     return nearest
 
 
 def total(fixed, moving):
     cells, normals = fixed
-    H, g = np.empty((6, 6)), np.empty(6)
-    nearest = nearest_planes(fixed, moving)[0]
-    sum_equations(np.eye(4), H, g, nearest, moving, (cells.points, normals), np.float32(CUTOFF))
-    return H, g
+    nearest, planes = nearest_planes(fixed, moving)[0], (cells.points, normals)
+    parts, middle = np.empty((2, EQUATION_SUMS)), len(nearest) // 3
+    for part, bounds in zip(parts, ((0, middle), (middle, len(nearest))), strict=True):
+        sum_equations(np.eye(4), nearest, moving, planes, np.float32(CUTOFF), *bounds, part)
+    return add_equations(parts)
 
 
 def match(fixed, moving):
@@ -88,13 +98,25 @@ def test_the_right_side_is_the_slope_of_tukeys_biweight(fixed, moving):
     np.testing.assert_allclose(-g, slope, rtol=1e-3, atol=1e-3)
 
 
-def test_the_columns_of_the_last_step_change_nothing_but_time(fixed, moving):
-    T = np.eye(4)
-    T[:3, 3] = 0.02
-    last = nearest_planes(fixed, moving)
-    moved = nearest_planes(fixed, moving, T, last.copy())
-    assert (moved != last).any()
-    np.testing.assert_array_equal(moved, nearest_planes(fixed, moving, T))
+@pytest.mark.parametrize("step", [0.1, 0.02, 0.002, 0.0])
+def test_the_columns_of_the_last_steps_change_nothing_but_time(fixed, moving, step):
+    rng, T, last = np.random.default_rng(4), np.eye(4), no_columns(1, moving[0])
+    first = nearest_planes(fixed, moving, T, last).copy()
+    for _ in range(20):
+        update_pose(T, rng.normal(0, step, 6))
+        moved = nearest_planes(fixed, moving, T, last)
+        np.testing.assert_array_equal(moved, nearest_planes(fixed, moving, T))
+    assert (moved != first).any() == (step > 0)
+
+
+def test_a_point_that_stays_in_place_is_not_looked_up_again(fixed, moving):
+    columns, anchors = no_columns(1, moving[0])
+    found = nearest_planes(fixed, moving, last=(columns, anchors)).copy()
+    columns[:] = -7
+    kept = nearest_planes(fixed, moving, last=(columns, anchors))
+    is_kept = kept == -7
+    assert is_kept.mean() > 0.9
+    np.testing.assert_array_equal(kept[~is_kept], found[~is_kept])
 
 
 def test_unknown_planes_are_those_that_the_given_poses_ask_for():
@@ -121,10 +143,10 @@ def test_steps_lead_some_of_the_poses_to_the_minimum():
     poses[:, :3, 3] = [[0.01, 0, 0.03], [5, 5, 5], [0.02, -0.02, 0]]
     moving = cells.points, np.empty((0, 3), np.float32)
     planes = cells.points, cells.planes(cells.points).normals
-    rows, nearest = np.array([0, 2]), np.full((3, len(cells.points)), -1, np.int32)
+    rows, (nearest, anchors) = np.array([0, 2]), no_columns(3, cells.points)
     cutoffs, sizes = np.full(2, 0.05, np.float32), []
     for _ in range(50):
-        find_nearest(poses, rows, nearest, cells.points, cells.reach, cells.arrays)
+        find_nearest(poses, rows, nearest, anchors, cells.points, cells.reach, cells.arrays)
         sizes.append(step_on_planes(poses, rows, nearest, moving, planes, cutoffs, np.eye(6)))
     assert (sizes[0] > 1e-3).all()
     assert (sizes[-1] < 1e-6).all()
