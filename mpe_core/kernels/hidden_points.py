@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-
 ROWS, NO_KEY = np.int64(2**20 - 1), np.int64(2**63 - 1)
 """Bits of a key, range and row of a point in one integer, that hold the row; and key of none."""
 
