@@ -25,9 +25,6 @@ from mpe_core.search.pose_search import (
 
 Array = NDArray[np.float64]
 
-LEVELLED_CANDIDATES = 48
-"""Candidates of the levelled search that are refined shortly."""
-
 NONE = Candidates(np.empty((0, 4, 4)), np.empty(0, np.float32))
 """Those of clouds that a search is not for."""
 
@@ -62,15 +59,12 @@ class CandidateSearch:
         self, pair: LevelledPair, effort: LevelledEffort, report: FractionCallback
     ) -> Candidates:
         """Search for poses that lay the grounds of both clouds on each other, best first."""
-        found = [
-            find_levelled_poses(source, pair.target, effort, LEVELLED_CANDIDATES, report)
-            for source in pair.source
-        ]
+        found = [find_levelled_poses(source, pair.target, effort, report) for source in pair.source]
         poses = np.concatenate([each.poses for each in found])
         scores = np.concatenate([each.scores for each in found])
         accepted = self._prior.accepts(poses)
         poses, scores = poses[accepted], scores[accepted]
-        kept = distinct_rows(poses, scores, LEVELLED_CANDIDATES)
+        kept = distinct_rows(poses, scores, effort.candidates)
         return Candidates(poses[kept], scores[kept])
 
     def find_turned(self, T: Array, report: FractionCallback) -> Candidates:

@@ -23,6 +23,8 @@ class LevelledEffort:
     """Occupied fine cells that choose the windows."""
     max_counted: int
     """Occupied fine cells that tell the scores."""
+    candidates: int
+    """Poses that are taken."""
 
 
 QUICK_LEVELLED = LevelledEffort(
@@ -33,6 +35,7 @@ QUICK_LEVELLED = LevelledEffort(
     coarse_counted=600,
     few_counted=400,
     max_counted=3000,
+    candidates=20,
 )
 THOROUGH_LEVELLED = LevelledEffort(
     turn_step_deg=3.0,
@@ -42,4 +45,5 @@ THOROUGH_LEVELLED = LevelledEffort(
     coarse_counted=6000,
     few_counted=1500,
     max_counted=6000,
+    candidates=48,
 )

@@ -58,7 +58,6 @@ def find_levelled_poses(
     source: LevelledCloud,
     target: LevelledCloud,
     effort: LevelledEffort,
-    count: int,
     report: FractionCallback,
 ) -> Candidates:
     """Find the poses with the highest scores, for each of CONFLICT_WEIGHTS.
@@ -71,9 +70,7 @@ def find_levelled_poses(
     source, target
         Clouds seen from above.
     effort
-        Turns, windows and cells that are looked at.
-    count
-        Poses of each weight.
+        Turns, windows and cells that are looked at, and poses of each weight.
     report
         Takes the fraction that is done.
 
@@ -101,7 +98,7 @@ def find_levelled_poses(
     poses, relative = [], []
     for kind in range(len(CONFLICT_WEIGHTS)):
         found = scores[:, kind, 0]
-        for window in _distinct(found, turns, shifts[:, kind, 0], count):
+        for window in _distinct(found, turns, shifts[:, kind, 0], effort.candidates):
             if found[window] > 0:
                 shift = size * shifts[window, kind, 0]
                 poses.append(_pose(source, target, turns[window], shift))
