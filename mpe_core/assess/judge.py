@@ -36,6 +36,8 @@ class Judge:
     """Whether poses are looked for near one that the caller gave."""
     compares_shape: bool
     """Whether points have to meet points of the same local shape."""
+    known_levelled: LevelledPair | None = None
+    """Both clouds seen from above, where that is known."""
     sights: tuple[FullSight, FullSight] | None = None
     """Places of full sight in source and target that stand for the scanners'; None if none do."""
 
@@ -64,6 +66,8 @@ class Judge:
     @cached_property
     def levelled(self) -> LevelledPair | None:
         """Both clouds seen from above; None unless they are of like size and show a ground."""
+        if self.known_levelled is not None:
+            return self.known_levelled
         if self.size_ratio > MAX_CALIBRATED_SIZE_RATIO or self.is_near_start:
             return None
         return level_clouds(self.source, self.target)
@@ -101,4 +105,5 @@ class Judge:
             replace(cloud, viewpoints=sight.place[None])
             for cloud, sight in zip(clouds, (x, y), strict=True)
         )
-        return replace(self, source=source, target=target, sights=(x, y))
+        levelled = self.levelled.seen_from(source.viewpoints, target.viewpoints)
+        return replace(self, source=source, target=target, known_levelled=levelled, sights=(x, y))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from mpe_core.kernels.ray_cells import count_crossings
 Array = NDArray[np.float64]
 Grid = NDArray[np.uint8]
 Layers = NDArray[np.int64]
+Rows = NDArray[np.bool_]
 
 CELL_SIZE = 0.02
 """Edge of a grid cell in radii of the smaller cloud: about the spacing of the thinned points."""
@@ -49,6 +50,34 @@ MAX_RAY_STEPS = 400
 """Steps of CELL_SIZE along one ray: stray points at any distance cost no more."""
 
 
+class LocalGround:
+    """Lowest height of levelled points (N, 3) in the coarse cells around a place."""
+
+    def __init__(self, levelled: Array) -> None:
+        index = np.floor(levelled[:, :2] / GROUND_CELL_SIZE).astype(np.int64)
+        self._corner = index.min(axis=0)
+        index -= self._corner
+        lowest = np.full(index.max(axis=0) + 1, np.inf)
+        np.minimum.at(lowest, (index[:, 0], index[:, 1]), levelled[:, 2])
+        seen = np.isfinite(lowest)
+        eroded = minimum_filter(lowest, 3)
+        self._lowest = maximum_filter(np.where(seen, eroded, -np.inf), 3)
+        self._lowest[np.isneginf(self._lowest)] = np.inf
+
+    @property
+    def table(self) -> tuple[Array, NDArray[np.int64], float]:
+        """Heights (w, h), infinite where none is near; index (2,) of the first cell; edge."""
+        return self._lowest, self._corner, GROUND_CELL_SIZE
+
+    def at(self, xy: Array) -> Array:
+        """(N,) heights at the places (N, 2); infinite where no point is near."""
+        index = np.floor(xy / GROUND_CELL_SIZE).astype(np.int64) - self._corner
+        inside = ((index >= 0) & (index < self._lowest.shape)).all(axis=1)
+        heights = np.full(len(xy), np.inf)
+        heights[inside] = self._lowest[index[inside, 0], index[inside, 1]]
+        return heights
+
+
 @dataclass(frozen=True)
 class LevelledCloud:
     """Points seen from above, with their heights over the ground."""
@@ -57,47 +86,50 @@ class LevelledCloud:
     """Plane that the cloud is seen from above of."""
     R: Array
     """(3, 3) rotation that turns the vertical to z."""
-    xy: Array
-    """(N, 2) positions."""
+    levelled: Array
+    """(N, 3) points, turned by R."""
+    heights: LocalGround
+    """Heights of the ground."""
     layer: Layers
     """(N,) layer of each point; -1 on the ground, LAYERS above all layers."""
-    free_xy: Array | None
+    free_xy: Array | None = None
     """(M, 2) cells that rays of the scanners crossed; None if their places are not known."""
-    free_layer: Layers | None
+    free_layer: Layers | None = None
     """(M,) layer of each of these cells."""
 
     @classmethod
-    def from_points(
-        cls,
-        points: Points,
-        ground: Ground,
-        viewpoints: Array | None = None,
-        *,
-        has_ceiling: bool = False,
-    ) -> LevelledCloud:
-        """Look at the points (N, 3) from above.
+    def from_points(cls, points: Points, ground: Ground) -> LevelledCloud:
+        """Look at the points (N, 3), in radii of the smaller cloud, from above their ground."""
+        R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
+        levelled = np.einsum("ij,nj->ni", R, points.astype(np.float64))
+        heights = LocalGround(levelled)
+        layer = np.searchsorted(LAYER_EDGES, levelled[:, 2] - heights.at(levelled[:, :2])) - 1
+        return cls(ground, R, levelled, heights, layer)
 
-        Parameters
-        ----------
-        points
-            (N, 3) points in radii of the smaller cloud.
-        ground
-            Ground of the cloud.
-        viewpoints
-            (k, 3) places of the scanners, if they are known.
-        has_ceiling
-            Whether level surfaces count as ground, at whatever height they are.
-        """
-        levelled, R = _level(points, ground)
-        heights = _LocalGround(levelled)
-        layer = _layer_of(levelled[:, 2] - heights.at(levelled[:, :2]))
-        if has_ceiling:
-            layer[_is_level(points, ground)] = -1
-        free_xy, free_layer = None, None
-        if viewpoints is not None:
-            places = np.array([R @ place for place in viewpoints])
-            free_xy, free_layer = _follow_rays(levelled, places, heights)
-        return cls(ground, R, levelled[:, :2].copy(), layer, free_xy, free_layer)
+    def has_ceiling(self, is_level: Rows) -> bool:
+        """Tell whether the level (N,) of the points hang over the ground that is seen."""
+        over = is_level & (self.layer >= 0)
+        if not over.any():
+            return False
+        cell = np.floor(self.xy / CELL_SIZE).astype(np.int64)
+        cell -= cell.min(axis=0)
+        number = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+        return float(np.isin(number[over], number[self.layer < 0]).mean()) >= MIN_ROOFED_SHARE
+
+    def over(self, is_ground: Rows) -> LevelledCloud:
+        """Count some (N,) of the points as ground, at whatever height they are."""
+        return replace(self, layer=np.where(is_ground, -1, self.layer))
+
+    def seen_from(self, viewpoints: Array) -> LevelledCloud:
+        """Follow the rays from the places (k, 3) of the scanners to the points."""
+        places = np.array([self.R @ place for place in viewpoints])
+        free_xy, free_layer = _follow_rays(self.levelled, places, self.heights)
+        return replace(self, free_xy=free_xy, free_layer=free_layer)
+
+    @cached_property
+    def xy(self) -> Array:
+        """(N, 2) positions."""
+        return self.levelled[:, :2].copy()
 
     @cached_property
     def centre(self) -> Array:
@@ -162,66 +194,14 @@ class OccupancyGrids:
     surface; without those with points at this layer in them or beside them."""
 
 
-def has_ceiling(points: Points, ground: Ground) -> bool:
-    """Tell whether level surfaces of the points (N, 3) hang over the ground that is seen."""
-    levelled, _ = _level(points, ground)
-    layer = _layer_of(levelled[:, 2] - _LocalGround(levelled).at(levelled[:, :2]))
-    over = _is_level(points, ground) & (layer >= 0)
-    if not over.any():
-        return False
-    cell = np.floor(levelled[:, :2] / CELL_SIZE).astype(np.int64)
-    cell -= cell.min(axis=0)
-    number = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
-    return float(np.isin(number[over], number[layer < 0]).mean()) >= MIN_ROOFED_SHARE
-
-
-def _level(points: Points, ground: Ground) -> tuple[Array, Array]:
-    """Points (N, 3) turned so that the vertical is z, and the rotation (3, 3)."""
-    R = rotation_between(ground.up, np.array([0.0, 0.0, 1.0]))
-    return np.einsum("ij,nj->ni", R, points.astype(np.float64)), R
-
-
-def _layer_of(height: Array) -> Layers:
-    """(N,) layers of heights (N,) over the ground."""
-    return np.searchsorted(LAYER_EDGES, height) - 1
-
-
-def _is_level(points: Points, ground: Ground) -> NDArray[np.bool_]:
-    """(N,) whether the surface around each point (N, 3) is level rather than upright."""
+def is_level(points: Points, ground: Ground) -> Rows:
+    """(N,) whether the surface around each of the points (N, 3) is level rather than upright."""
     normals = CellList(points, NORMAL_RADIUS).planes(points).normals.astype(np.float64)
-    level: NDArray[np.bool_] = np.abs(np.einsum("ni,i->n", normals, ground.up)) > MAX_UPRIGHT_COSINE
+    level: Rows = np.abs(np.einsum("ni,i->n", normals, ground.up)) > MAX_UPRIGHT_COSINE
     return level
 
 
-class _LocalGround:
-    """Lowest height of levelled points (N, 3) in the coarse cells around a place."""
-
-    def __init__(self, levelled: Array) -> None:
-        index = np.floor(levelled[:, :2] / GROUND_CELL_SIZE).astype(np.int64)
-        self._corner = index.min(axis=0)
-        index -= self._corner
-        lowest = np.full(index.max(axis=0) + 1, np.inf)
-        np.minimum.at(lowest, (index[:, 0], index[:, 1]), levelled[:, 2])
-        seen = np.isfinite(lowest)
-        eroded = minimum_filter(lowest, 3)
-        self._lowest = maximum_filter(np.where(seen, eroded, -np.inf), 3)
-        self._lowest[np.isneginf(self._lowest)] = np.inf
-
-    @property
-    def table(self) -> tuple[Array, NDArray[np.int64], float]:
-        """Heights (w, h), infinite where none is near; index (2,) of the first cell; edge."""
-        return self._lowest, self._corner, GROUND_CELL_SIZE
-
-    def at(self, xy: Array) -> Array:
-        """(N,) heights at the places (N, 2); infinite where no point is near."""
-        index = np.floor(xy / GROUND_CELL_SIZE).astype(np.int64) - self._corner
-        inside = ((index >= 0) & (index < self._lowest.shape)).all(axis=1)
-        heights = np.full(len(xy), np.inf)
-        heights[inside] = self._lowest[index[inside, 0], index[inside, 1]]
-        return heights
-
-
-def _follow_rays(levelled: Array, viewpoints: Array, heights: _LocalGround) -> tuple[Array, Layers]:
+def _follow_rays(levelled: Array, viewpoints: Array, heights: LocalGround) -> tuple[Array, Layers]:
     """Centres (M, 2) and layers (M,) of the cells that the rays to the points (N, 3) cross.
 
     Each ray starts at the nearest of the viewpoints (k, 3).

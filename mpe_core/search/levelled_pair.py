@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from mpe_core.clouds.ground import find_ground, may_have_ground
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
-from mpe_core.search.levelled_cloud import LevelledCloud, has_ceiling
+from mpe_core.search.levelled_cloud import LevelledCloud, is_level
+
+Array = NDArray[np.float64]
 
 MAX_REACH = 10.0
 """Distance from the centre, in radii of the smaller cloud, up to which points are seen from above:
@@ -31,6 +33,13 @@ class LevelledPair:
     target: LevelledCloud
     """The target over its ground."""
 
+    def seen_from(self, source: Array | None, target: Array | None) -> LevelledPair:
+        """Follow the rays from the places (k, 3) of the scanners, where these are known."""
+        return LevelledPair(
+            self.source if source is None else tuple(x.seen_from(source) for x in self.source),
+            self.target if target is None else self.target.seen_from(target),
+        )
+
 
 def level_clouds(source: PreparedCloud, target: PreparedCloud) -> LevelledPair | None:
     """Look at both clouds from above; None unless both show a ground."""
@@ -44,19 +53,21 @@ def level_clouds(source: PreparedCloud, target: PreparedCloud) -> LevelledPair |
     ground_y = find_ground(y)
     if ground_y.share < MIN_GROUND_SHARE:
         return None
-    roofed = has_ceiling(x, ground_x) or has_ceiling(y, ground_y)
-    grounds = [ground_x]
+    cloud_x, cloud_y = (
+        LevelledCloud.from_points(points, ground)
+        for points, ground in ((x, ground_x), (y, ground_y))
+    )
+    level_x, level_y = is_level(x, ground_x), is_level(y, ground_y)
+    roofed = cloud_x.has_ceiling(level_x) or cloud_y.has_ceiling(level_y)
+    grounds = []
     if not (ground_x.is_extremal and ground_y.is_extremal):
         grounds.append(ground_x.flipped())
     if roofed:
         grounds.append(ground_x.opposite(x))
-    return LevelledPair(
-        tuple(
-            LevelledCloud.from_points(x, ground, source.viewpoints, has_ceiling=roofed)
-            for ground in grounds
-        ),
-        LevelledCloud.from_points(y, ground_y, target.viewpoints, has_ceiling=roofed),
-    )
+    sources = [cloud_x, *(LevelledCloud.from_points(x, ground) for ground in grounds)]
+    if roofed:
+        sources, cloud_y = [each.over(level_x) for each in sources], cloud_y.over(level_y)
+    return LevelledPair(tuple(sources), cloud_y).seen_from(source.viewpoints, target.viewpoints)
 
 
 def _within_reach(points: Points) -> Points:

@@ -37,7 +37,7 @@ def first_right(
     levelled = level_clouds(*prepare_clouds(pair, options))
     assert levelled is not None
     found = [
-        find_levelled_poses(cloud, levelled.target, effort, 16, lambda fraction: None)
+        find_levelled_poses(cloud, levelled.target, effort, lambda fraction: None)
         for cloud in levelled.source
     ]
     poses = np.concatenate([each.poses for each in found])
