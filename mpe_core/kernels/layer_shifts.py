@@ -164,37 +164,55 @@ def take_peaks(matches, conflicts, weight, radius, scores, shifts):
 
 
 @njit(
-    f"Tuple((float64[:, :, ::1], int64[:, :, :, ::1]))(float64[::1], int64[::1], int64[:, ::1],"
-    f" int64, {SOURCE}, int64, float64, {TARGET}, int64, float64[::1], int64, int64)",
+    f"Tuple((int64[:, ::1], int64[:, ::1], {CELLS}, int64))(float64, float64, {SOURCE}, int64,"
+    " int64, int64[:, ::1], int64)",
+    cache=True,
+)
+def turn_source(turn, size, source, source_cells, layers, occupied, max_counted):
+    """Draw the source turned about its centre, and choose the cells that are counted.
+
+    Parameters
+    ----------
+    turn
+        Turn in radians.
+    size, source, source_cells, max_counted
+        As those of `find_shifts`.
+    layers
+        Number of layers.
+    occupied
+        (M, 3) occupied cells of the target.
+
+    Returns
+    -------
+    The source's occupied cells that are counted, and the target's; the source's clear cells, turned
+    by half a turn: shifts run through them as through the target's tables; and how many cells each
+    of the counted ones stands for.
+    """
+    c, s = np.cos(turn) / size, np.sin(turn) / size
+    A, b = np.array([[c, -s], [s, c]]), np.full(2, float(source_cells // 2))
+    cells, _, clear = draw_layers(source, A, b, layers, source_cells)
+    moving = list_cells(cells)
+    step = 1 + max(len(moving), len(occupied)) // max_counted
+    return moving[::step].copy(), occupied[::step].copy(), clear[:, ::-1, ::-1].copy(), step
+
+
+@njit(
+    "Tuple((float64[:, :, ::1], int64[:, :, :, ::1]))(float64[::1], int64,"
+    f" {SOURCE}, int64, float64, {TARGET}, int64, float64[::1], int64, int64)",
     cache=True,
     parallel=True,
 )
 def find_shifts(
-    turns,
-    starts,
-    centres,
-    half_width,
-    source,
-    source_cells,
-    size,
-    target,
-    max_counted,
-    weights,
-    peaks,
-    radius,
+    turns, reach, source, source_cells, size, target, max_counted, weights, peaks, radius
 ):
-    """Find the best shifts of the turned source over the target, in windows of shifts.
+    """Find the best of all shifts of the turned source over the target.
 
     Parameters
     ----------
     turns
         (T,) turns of the source about its centre, in radians.
-    starts
-        (T + 1,) bounds of the windows of each turn.
-    centres
-        (W, 2) middle of each window, in cells.
-    half_width
-        Cells of a window to each side of its middle.
+    reach
+        Largest shift along an axis, in cells.
     source
         Cloud that moves, as `SOURCE`.
     source_cells
@@ -208,44 +226,29 @@ def find_shifts(
     weights
         (C,) weights of a conflict over a match.
     peaks, radius
-        Shifts that are taken of a window for each weight, and cells by which they are apart.
+        Shifts that are taken of each turn for each weight, and cells by which they are apart.
 
     Returns
     -------
-    Scores (W, C, peaks), -inf where there is no other shift, and the shifts (W, C, peaks, 2) of
+    Scores (T, C, peaks), -inf where there is no other shift, and the shifts (T, C, peaks, 2) of
     the source's centre from the target's, in cells.
     """
     grown, clear, occupied = pad_rows(target[0]), pad_rows(target[1]), target[2]
-    layers, edge = grown.shape[0], 2 * half_width + 1
-    offset = grown.shape[1] // 2 - source_cells // 2
-    scores = np.empty((len(centres), len(weights), peaks))
-    shifts = np.zeros((len(centres), len(weights), peaks, 2), np.int64)
+    edge, last = 2 * reach + 1, source_cells - 1
+    first = grown.shape[1] // 2 - source_cells // 2 - reach
+    scores = np.empty((len(turns), len(weights), peaks))
+    shifts = np.zeros((len(turns), len(weights), peaks, 2), np.int64)
     for turn in prange(len(turns)):
-        c, s = np.cos(turns[turn]) / size, np.sin(turns[turn]) / size
-        A, b = np.array([[c, -s], [s, c]]), np.full(2, float(source_cells // 2))
-        cells, _, shown = draw_layers(source, A, b, layers, source_cells)
-        # turned by half a turn: shifts run through it as through the target's tables
-        turned, last = pad_rows(shown[:, ::-1, ::-1].copy()), source_cells - 1
-        moving = list_cells(cells)
-        step = 1 + max(len(moving), len(occupied)) // max_counted
-        moving, staying = moving[::step].copy(), occupied[::step].copy()
-        for window in range(starts[turn], starts[turn + 1]):
-            row, column = centres[window, 0] - half_width, centres[window, 1] - half_width
-            row, column = row + offset, column + offset
-            matches = count_hits(moving, 1, row, column, grown, edge)
-            conflicts = count_hits(moving, 1, row, column, clear, edge)
-            conflicts += count_hits(staying, -1, row + last, column + last, turned, edge)
-            for kind in range(len(weights)):
-                take_peaks(
-                    matches,
-                    conflicts,
-                    weights[kind],
-                    radius,
-                    scores[window, kind],
-                    shifts[window, kind],
-                )
-                scores[window, kind] *= step
-                for peak in range(peaks):
-                    for axis in range(2):
-                        shifts[window, kind, peak, axis] += centres[window, axis] - half_width
+        moving, staying, turned, step = turn_source(
+            turns[turn], size, source, source_cells, grown.shape[0], occupied, max_counted
+        )
+        matches = count_hits(moving, 1, first, first, grown, edge)
+        conflicts = count_hits(moving, 1, first, first, clear, edge)
+        conflicts += count_hits(staying, -1, first + last, first + last, pad_rows(turned), edge)
+        for kind in range(len(weights)):
+            take_peaks(
+                matches, conflicts, weights[kind], radius, scores[turn, kind], shifts[turn, kind]
+            )
+        scores[turn] *= step
+        shifts[turn] -= reach
     return scores, shifts

@@ -16,12 +16,14 @@ that does not.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.rigid import pose
 from mpe_core.kernels.layer_shifts import find_shifts, list_cells
+from mpe_core.kernels.shift_windows import best_shifts, window_masks
 from mpe_core.progress import FractionCallback
 from mpe_core.search.levelled_cloud import CELL_SIZE, LevelledCloud
 from mpe_core.search.levelled_effort import LevelledEffort
@@ -49,9 +51,9 @@ SHIFTS_PER_TURN = 20
 PEAK_RADIUS, FINE_PEAK_RADIUS = 2, 3
 """Cells around a peak in which no other is taken, coarse and fine ones."""
 
-WINDOW = 3
-"""Fine cells to each side of a coarse peak among which the best one is looked for: one and a half
-coarse cells."""
+WINDOW_START = 3
+"""Fine cells before those of a coarse peak from which on the best one is looked for: with the
+window of `shift_windows`, one and a half coarse cells to each side."""
 
 
 def find_levelled_poses(
@@ -82,25 +84,25 @@ def find_levelled_poses(
     """
     reach = MAX_SHIFT_SHARE * (source.radius + target.radius)
     size = max(CELL_SIZE, 2 * reach / MAX_GRID_CELLS)
+    every_turn = np.radians(np.arange(0.0, 360.0, effort.turn_step_deg))
     coarse = _Counter(source, target, COARSE_CELLS * size, reach)
-    every_turn = _Windows.of_turns(np.radians(np.arange(0.0, 360.0, effort.turn_step_deg)))
-    half_width = int(np.ceil(reach / coarse.size))
-    scores, shifts = coarse.find(every_turn, half_width, effort.coarse_counted, SHIFTS_PER_TURN)
+    scores, shifts = coarse.find_all(every_turn, reach, effort.coarse_counted)
     report(0.5)
     fine = _Counter(source, target, size, reach)
     best_turns = _best(scores[:, :, 0], effort.turns_kept)
-    windows = every_turn.around_peaks(best_turns, shifts, np.radians(effort.fine_turns_deg))
-    scores, _ = fine.find(windows, WINDOW, effort.few_counted, 1)
+    fine_turns = np.radians(effort.fine_turns_deg)
+    windows = _Windows.around_peaks(every_turn[best_turns], shifts[best_turns], fine_turns)
+    scores, _ = fine.find_in(windows, effort.few_counted)
     report(0.7)
-    windows = windows.select(_best(scores[:, :, 0], effort.windows_kept))
-    scores, shifts = fine.find(windows, WINDOW, effort.max_counted, 1)
+    windows = windows.select(_best(scores, effort.windows_kept))
+    scores, shifts = fine.find_in(windows, effort.max_counted)
     turns = windows.turn_of_each
     poses, relative = [], []
     for kind in range(len(CONFLICT_WEIGHTS)):
-        found = scores[:, kind, 0]
-        for window in _distinct(found, turns, shifts[:, kind, 0], effort.candidates):
+        found = scores[:, kind]
+        for window in _distinct(found, turns, shifts[:, kind], effort.candidates):
             if found[window] > 0:
-                shift = size * shifts[window, kind, 0]
+                shift = size * shifts[window, kind]
                 poses.append(_pose(source, target, turns[window], shift))
                 relative.append(found[window] / found.max())
     order = np.argsort(-np.array(relative), kind="stable")
@@ -124,26 +126,22 @@ class _Windows:
     """(T,) turns about the vertical, in radians."""
     starts: NDArray[np.int64]
     """(T + 1,) bounds of the windows of each turn."""
-    centres: NDArray[np.int64]
-    """(W, 2) middle of each window, in cells."""
+    corners: NDArray[np.int64]
+    """(W, 2) first shift of each window, in cells."""
 
     @classmethod
-    def of_turns(cls, turns: Array) -> _Windows:
-        """One window around no shift for each turn."""
-        return cls(turns, np.arange(len(turns) + 1), np.zeros((len(turns), 2), np.int64))
+    def around_peaks(cls, turns: Array, shifts: NDArray[np.int64], steps: Array) -> _Windows:
+        """Windows of fine cells around coarse shifts (T, weights, peaks, 2) at the turns (T,).
 
-    def around_peaks(self, chosen: Rows, shifts: NDArray[np.int64], turns: Array) -> _Windows:
-        """Windows of fine cells around the shifts (T, weights, peaks, 2) of the chosen turns (T,).
-
-        Each is looked at under `turns` (K,) from there.
+        Each is looked at under the turns `steps` (K,) from there.
         """
         # both weights often have the same peaks
-        peaks = [np.unique(each.reshape(-1, 2), axis=0) for each in shifts[chosen]]
-        centres = [each for each in peaks for _ in turns]
-        return _Windows(
-            np.add.outer(self.turns[chosen], turns).ravel(),
-            np.cumsum([0, *(len(each) for each in centres)]),
-            COARSE_CELLS * np.concatenate(centres),
+        peaks = [np.unique(each.reshape(-1, 2), axis=0) for each in shifts]
+        corners = [COARSE_CELLS * each - WINDOW_START for each in peaks for _ in steps]
+        return cls(
+            np.add.outer(turns, steps).ravel(),
+            np.cumsum([0, *(len(each) for each in corners)]),
+            np.concatenate(corners),
         )
 
     @property
@@ -154,7 +152,7 @@ class _Windows:
     def select(self, chosen: Rows) -> _Windows:
         """Take the chosen (W,) of the windows."""
         before = np.cumsum([0, *chosen])
-        return _Windows(self.turns, before[self.starts], self.centres[chosen])
+        return _Windows(self.turns, before[self.starts], self.corners[chosen])
 
 
 class _Counter:
@@ -164,10 +162,11 @@ class _Counter:
         self, source: LevelledCloud, target: LevelledCloud, size: float, reach: float
     ) -> None:
         """Draw the target in cells of edge `size`; what shows clear cells counts up to `reach`."""
-        self.size, self._source_cells = size, _cells_around(source, size, reach)
+        self._size, self._source_cells = size, _cells_around(source, size, reach)
         cells = _cells_around(target, size, reach)
         grids = target.draw(np.eye(2), np.full(2, cells // 2 * size) - target.centre, cells, size)
-        self._target = grids.grown, grids.clear, list_cells(grids.occupied)
+        self._grown, self._clear = grids.grown, grids.clear
+        self._occupied = list_cells(grids.occupied)
         standing, showing = source.standing, source.showing
         self._source = (
             standing[0] - source.centre,
@@ -176,25 +175,43 @@ class _Counter:
             showing[1],
         )
 
-    def find(
-        self, windows: _Windows, half_width: int, max_counted: int, peaks: int
+    def find_all(
+        self, turns: Array, reach: float, max_counted: int
     ) -> tuple[Array, NDArray[np.int64]]:
-        """Find the best shifts in windows of shifts, see `find_shifts`."""
+        """Find the best of the shifts up to `reach` at each of the turns, see `find_shifts`."""
         scores, shifts = find_shifts(
-            windows.turns,
-            windows.starts,
-            np.ascontiguousarray(windows.centres),
-            half_width,
+            turns,
+            int(np.ceil(reach / self._size)),
             self._source,
             self._source_cells,
-            self.size,
-            self._target,
+            self._size,
+            (self._grown, self._clear, self._occupied),
             max_counted,
             np.array(CONFLICT_WEIGHTS),
-            peaks,
+            SHIFTS_PER_TURN,
             PEAK_RADIUS,
         )
         return scores, shifts
+
+    def find_in(self, windows: _Windows, max_counted: int) -> tuple[Array, NDArray[np.int64]]:
+        """Find the best shift in each of the windows, see `best_shifts`."""
+        scores, shifts = best_shifts(
+            windows.turns,
+            windows.starts,
+            np.ascontiguousarray(windows.corners),
+            self._source,
+            self._source_cells,
+            self._size,
+            (*self._masks, self._occupied),
+            self._grown.shape[1],
+            max_counted,
+            np.array(CONFLICT_WEIGHTS),
+        )
+        return scores, shifts
+
+    @cached_property
+    def _masks(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        return window_masks(self._grown), window_masks(self._clear)
 
 
 def _cells_around(cloud: LevelledCloud, size: float, reach: float) -> int:

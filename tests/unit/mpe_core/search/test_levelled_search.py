@@ -73,3 +73,8 @@ def test_a_hall_is_found_by_what_stands_between_floor_and_ceiling(
     rank = first_right(world, [[-14.0, -4.0, 1.5], [8.0, 5.0, 1.5]], seed, effort, knows=True)
     assert rank is not None
     assert rank < 8
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_the_counters_hold_all_cells_that_are_counted(effort: LevelledEffort) -> None:
+    assert max(effort.few_counted, effort.max_counted) < 2**PLANES
