@@ -8,6 +8,7 @@ from mpe_core.clouds.normalize import normalize_pair
 from mpe_core.clouds.preprocess import prepare_clouds
 from mpe_core.clouds.validate import validate_cloud
 from mpe_core.geometry.rigid import apply, inverse, rotation_error
+from mpe_core.kernels.shift_windows import PLANES
 from mpe_core.search.levelled_effort import QUICK_LEVELLED, THOROUGH_LEVELLED, LevelledEffort
 from mpe_core.search.levelled_pair import level_clouds
 from mpe_core.search.levelled_search import find_levelled_poses
