@@ -195,14 +195,17 @@ def nearest_point(qx, qy, qz, column, bits, cells):
     if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
         return column, bits
     x, y, z = cells[0][0], cells[0][1], cells[0][2]
+    first = last = 0
     for sx in NEIGHBOR_STEPS:
         for sy in NEIGHBOR_STEPS:
             a, b = column_run(place, sx, sy, from_bits(bits), cells)
             if a < b:
-                px, py, pz = x[a:b], y[a:b], z[a:b]
-                least = least_of_others(qx, qy, qz, -1, px, py, pz)
+                least = least_of_others(qx, qy, qz, -1, x[a:b], y[a:b], z[a:b])
                 if least < bits:
-                    column, bits = a + first_at(qx, qy, qz, least, px, py, pz), least
+                    bits, first, last = least, a, b
+    if last:
+        run = x[first:last], y[first:last], z[first:last]
+        column = first + first_at(qx, qy, qz, bits, *run)
     return column, bits
 
 
@@ -227,6 +230,7 @@ def nearest_of_all(qx, qy, qz, column, bits, cells):
     if max(place[0], place[1], place[2]) > MAX_CELL_INDEX:
         return column, bits, others
     x, y, z = cells[0][0], cells[0][1], cells[0][2]
+    first = last = 0
     for sx in NEIGHBOR_STEPS:
         for sy in NEIGHBOR_STEPS:
             limit = from_bits(bits)
@@ -240,14 +244,18 @@ def nearest_of_all(qx, qy, qz, column, bits, cells):
                     others = min(others, to_bits(beside))
             a, b = column_run(place, sx, sy, limit, cells)
             if a < b:
-                px, py, pz = x[a:b], y[a:b], z[a:b]
-                least = least_of_others(qx, qy, qz, column - a, px, py, pz)
+                least = least_of_others(qx, qy, qz, column - a, x[a:b], y[a:b], z[a:b])
                 if least < bits:
-                    if column >= 0:
+                    if last or column >= 0:
                         others = min(others, bits)
-                    column, bits = a + first_at(qx, qy, qz, least, px, py, pz), least
-                    least = least_of_others(qx, qy, qz, column - a, px, py, pz)
-                others = min(others, least)
+                    bits, first, last = least, a, b
+                else:
+                    others = min(others, least)
+    if last:
+        run = x[first:last], y[first:last], z[first:last]
+        row = first_at(qx, qy, qz, bits, *run)
+        others = min(others, least_of_others(qx, qy, qz, row, *run))
+        column = first + row
     return column, bits, others
 
 

@@ -296,3 +296,32 @@ def step_on_planes(poses, rows, nearest, moving, planes, cutoffs, allowed):
         update_pose(poses[rows[a]], g)
         sizes[a] = np.abs(g).max()
     return sizes
+
+
+@njit(
+    f"float64[:, ::1](float64[:, :, ::1], int32[:, ::1], {MOVING}, {PLANES}, float32)",
+    cache=True,
+    parallel=True,
+)
+def sum_gradients(poses, nearest, moving, planes, cutoff):
+    """Sum the right sides g of the normal equations, see `sum_equations`, at some poses.
+
+    Parameters
+    ----------
+    poses
+        (K, 4, 4) poses.
+    nearest, moving, planes
+        As those of `step_on_planes`.
+    cutoff
+        Cut-off of Tukey's biweight.
+
+    Returns
+    -------
+    (K, 6) the sums, rotation before translation.
+    """
+    sums = np.empty((len(poses), EQUATION_SUMS))
+    for row in prange(len(poses)):
+        sum_equations(
+            poses[row], nearest[row], moving, planes, cutoff, 0, len(moving[0]), sums[row]
+        )
+    return sums[:, EQUATION_SUMS - 6 :].copy()

@@ -11,6 +11,7 @@ from mpe_core.clouds.preprocess import Sample
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import cross_matrix
 from mpe_core.kernels.rigid_motion import update_pose
+from mpe_core.refine.gauss_newton import gradients_at
 from mpe_core.refine.target_planes import Correspondences, TargetPlanes, match_planes
 
 Array = NDArray[np.float64]
@@ -212,14 +213,11 @@ def _stiffness(
     share = len(subset.points) / len(sample.points)
     step = DERIVATIVE_STEP * planes.cutoff
 
-    def gradient(motion: Array) -> Array:
-        there = T.copy()
+    moved = np.repeat(T[None], 12, axis=0)
+    for there, motion in zip(moved, step * np.concatenate([-np.eye(6), np.eye(6)]), strict=True):
         update_pose(there, motion)
-        matches = match_planes(subset, planes, there, smooth=smooth)
-        total: Array = _gradients(matches, planes.cutoff).sum(axis=0)
-        return total
-
-    N = np.column_stack([gradient(-d) - gradient(d) for d in step * np.eye(6)]) / (2 * step)
+    before, after = np.split(gradients_at(subset, planes, moved, smooth=smooth), 2)
+    N = (before - after).T / (2 * step)
     here = match_planes(subset, planes, T, smooth=smooth)
     J = _jacobian(here.moved, here.normals)[here.tukey_weights(planes.cutoff) > 0]
     fixed = np.linalg.cholesky(_sum_of_products(J, J) + (1e-9 * len(J) + 1e-12) * np.eye(6))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.preprocess import Sample
-from mpe_core.kernels.plane_descent import find_nearest, step_on_planes
+from mpe_core.kernels.plane_descent import find_nearest, step_on_planes, sum_gradients
 from mpe_core.refine.minimum import STEP_TOL, Criterion, Minimum
 from mpe_core.refine.target_planes import TargetPlanes
 
@@ -52,13 +52,11 @@ def minimize_point_to_plane(
         Whether the starts are near the minima; otherwise the first steps have a wider cut-off.
     """
     ends = np.array(poses, np.float64, order="C")
-    outward = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
     cutoffs = np.array([FIRST_CUTOFF_FACTOR * target.cutoff, target.cutoff], np.float32)
     tolerances = np.array([FIRST_STEP_TOL_FACTOR * STEP_TOL, STEP_TOL])
     cutoffs, tolerances = cutoffs[is_near:], tolerances[is_near:]
     allowed = motion_basis @ np.linalg.pinv(motion_basis)
-    nearest = np.full((len(ends), len(sample.points)), -1, np.int32)
-    anchors = np.full((*nearest.shape, 4), -1, np.float32)
+    nearest, anchors = _nothing_found(len(ends), sample)
     steps, rounds = np.zeros((2, len(ends)), np.int64)
     for _ in range(max_steps):
         rows = np.flatnonzero(rounds < len(cutoffs))
@@ -78,7 +76,7 @@ def minimize_point_to_plane(
             ends,
             rows,
             nearest,
-            (sample.points, outward),
+            _moving(sample),
             target.planes(smooth=smooth),
             cutoffs[rounds[rows]],
             allowed,
@@ -90,3 +88,33 @@ def minimize_point_to_plane(
         Minimum(T, bool(ended == len(cutoffs)), int(taken), criterion)
         for T, ended, taken in zip(ends, rounds, steps, strict=True)
     ]
+
+
+def gradients_at(
+    sample: Sample, target: TargetPlanes, poses: Array, *, smooth: bool = False
+) -> Array:
+    """(K, 6) slopes of the sum of `minimize_point_to_plane`, downhill, at the poses (K, 4, 4).
+
+    Rotation before translation; the sum is taken over its scale, that is of rho(r) = r^2 / 2 at 0.
+    """
+    nearest, anchors = _nothing_found(len(poses), sample)
+    rows = np.arange(len(poses))
+    find_nearest(
+        poses, rows, nearest, anchors, sample.points, target.cells.reach, target.cells.arrays
+    )
+    target.fit_nearest(nearest, rows)
+    planes, cutoff = target.planes(smooth=smooth), np.float32(target.cutoff)
+    gradients: Array = sum_gradients(poses, nearest, _moving(sample), planes, cutoff)
+    return gradients
+
+
+def _nothing_found(count: int, sample: Sample) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Nearest points of the sample at some poses, and their anchors, before any was looked for."""
+    shape = count, len(sample.points)
+    return np.full(shape, -1, np.int32), np.full((*shape, 4), -1, np.float32)
+
+
+def _moving(sample: Sample) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Points and normals of the sample, as the kernels take them."""
+    normals = np.empty((0, 3), np.float32) if sample.normals is None else sample.normals
+    return sample.points, normals
