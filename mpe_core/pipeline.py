@@ -246,8 +246,8 @@ class PosePipeline:
 
     def finish(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was."""
-        settled = self._settle(pose)
-        return _moved(settled, self.refiner.sharpen(settled.minimum))
+        sharp = _moved(pose, self.refiner.sharpen(pose.minimum))
+        return sharp if sharp.minimum is not pose.minimum else self._settle(pose)
 
     def _settle(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose that ran out of steps to its minimum."""

@@ -24,7 +24,7 @@ class Refiner(Protocol):
         """Go on to the minimum from where a refinement ran out of steps."""
 
     def sharpen(self, minimum: Minimum) -> Minimum:
-        """Make a minimum more exact where the clouds are clean and dense."""
+        """Make a minimum more exact where the clouds are clean and dense; else return itself."""
 
     def uncertainty(self, minimum: Minimum) -> PoseUncertainty:
         """Estimate the error of the minimum, as a motion about the target's origin."""

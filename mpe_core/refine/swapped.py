@@ -60,7 +60,9 @@ class SwappedPointToPlane:
 
     def sharpen(self, minimum: Minimum) -> Minimum:
         """Make a minimum more exact where the clouds are clean and dense."""
-        return self._inner.sharpen(minimum.inverse()).inverse()
+        start = minimum.inverse()
+        found = self._inner.sharpen(start)
+        return minimum if found is start else found.inverse()
 
     def match(self, T: Array) -> Correspondences:
         """Match a sample of the target with the planes of the source, at the pose T."""

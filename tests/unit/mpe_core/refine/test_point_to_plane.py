@@ -102,8 +102,12 @@ def test_a_minimum_of_noisy_or_sparse_clouds_is_not_sharpened(noise, count):
     blurred = refiner(
         prepared(0, noise=noise, T=TRUTH, count=count), prepared(1, noise=noise, count=count)
     )
-    near = blurred.refine(OFF @ TRUTH)
-    assert blurred.sharpen(near) is near
+    for each, start in (
+        (blurred, OFF @ TRUTH),
+        (SwappedPointToPlane(blurred), inverse(OFF @ TRUTH)),
+    ):
+        near = each.refine(start)
+        assert each.sharpen(near) is near
 
 
 def test_sharpening_keeps_the_bound_on_the_iterations_and_the_motion_basis(clouds, monkeypatch):
