@@ -99,44 +99,54 @@ def list_cells(grid):
     return found
 
 
-@njit(f"{CELLS}({CELLS})", cache=True)
-def pad_rows(table):
-    """Copy a table (layers, n, m) with BLOCK empty cells after each row."""
+@njit(f"uint8[:, ::1]({CELLS}, int64)", cache=True)
+def join_rows(table, edge):
+    """Join the rows of each layer of a table (layers, n, m) to one.
+
+    There are `edge` empty cells before the first row and after each one, and a row of them and
+    BLOCK more after the last: a window of `edge` shifts along a row never meets another row.
+    """
     layers, rows, columns = table.shape
-    padded = np.zeros((layers, rows, columns + BLOCK), np.uint8)
-    padded[:, :, :columns] = table
-    return padded
+    width = columns + edge
+    joined = np.zeros((layers, edge + (rows + 1) * width + BLOCK), np.uint8)
+    for a in range(layers):
+        for x in range(rows):
+            first = edge + x * width
+            joined[a, first : first + columns] = table[a, x]
+    return joined
 
 
 @njit(
-    f"uint16[:, ::1](int64[:, ::1], int64, int64, int64, {CELLS}, int64)",
+    "uint16[:, ::1](int64[:, ::1], int64, int64, int64, uint8[:, ::1], int64, int64, int64)",
     cache=True,
     error_model="numpy",
 )
-def count_hits(cells, sign, row, column, table, edge):
+def count_hits(cells, sign, row, column, joined, rows, columns, edge):
     """Count at all shifts of a window how many of the cells (K, 3) meet marked ones of a table.
 
-    At the shift (i, j), a cell (layer, x, y) meets the one at (row + sign x + i,
-    column + sign y + j) of its layer. The table is padded; so are the counts (edge, edge + BLOCK).
+    At the shift (i, j), both less than `edge`, a cell (layer, x, y) meets the one at
+    (row + sign x + i, column + sign y + j) of its layer. The table (layers, rows, columns) is
+    given as `join_rows` returns it, and all rows that a cell meets are added at once.
     """
-    rows, columns = table.shape[1], table.shape[2] - BLOCK
-    hits = np.zeros((edge, edge + BLOCK), np.uint16)
-    few = np.zeros((edge, edge + BLOCK), np.uint8)  # bytes are counted in larger vectors
+    width = columns + edge
+    hits = np.zeros((edge, edge), np.uint16)
+    few = np.empty(edge * width + BLOCK, np.uint8)  # bytes are counted in larger vectors
     for begin in range(0, len(cells), MAX_BYTE):
         few[:] = 0
         for k in range(begin, min(begin + MAX_BYTE, len(cells))):
             x, y = row + sign * cells[k, 1], column + sign * cells[k, 2]
-            first, last = max(0, -y), min(edge, columns - y)
-            if first < last:
+            first, last = max(0, -x), min(edge, rows - x)
+            if first < last and -edge < y < columns:
                 # whole vectors, without a rest that is counted cell by cell
-                end = first + -(-(last - first) // BLOCK) * BLOCK
-                for i in range(max(0, -x), min(edge, rows - x)):
-                    met, counted = table[cells[k, 0], x + i, y + first : y + end], few[i, first:end]
-                    for j in range(len(counted)):
-                        counted[j] += met[j]
+                length = -(-(last - first) * width // BLOCK) * BLOCK
+                start = edge + (x + first) * width + y
+                met = joined[cells[k, 0], start : start + length]
+                counted = few[first * width : first * width + length]
+                for j in range(len(counted)):
+                    counted[j] += met[j]
         for i in range(edge):
             for j in range(edge):
-                hits[i, j] += few[i, j]
+                hits[i, j] += few[i * width + j]
     return hits
 
 
@@ -146,9 +156,9 @@ def count_hits(cells, sign, row, column, table, edge):
 def take_peaks(matches, conflicts, weight, radius, scores, shifts):
     """Take the shifts (P, 2) with the highest scores (P,), no two within `radius` of each other.
 
-    The counts are padded, as those of `count_hits`.
+    The counts are those of `count_hits`.
     """
-    height, width = matches.shape[0], matches.shape[1] - BLOCK
+    height, width = matches.shape
     score, best = np.empty((height, width)), np.empty(height)
     for i in range(height):
         for j in range(width):
@@ -233,18 +243,20 @@ def find_shifts(
     Scores (T, C, peaks), -inf where there is no other shift, and the shifts (T, C, peaks, 2) of
     the source's centre from the target's, in cells.
     """
-    grown, clear, occupied = pad_rows(target[0]), pad_rows(target[1]), target[2]
+    occupied, (layers, rows, _) = target[2], target[0].shape
     edge, last = 2 * reach + 1, source_cells - 1
-    first = grown.shape[1] // 2 - source_cells // 2 - reach
+    first = rows // 2 - source_cells // 2 - reach
+    grown, clear = join_rows(target[0], edge), join_rows(target[1], edge)
     scores = np.empty((len(turns), len(weights), peaks))
     shifts = np.zeros((len(turns), len(weights), peaks, 2), np.int64)
     for turn in prange(len(turns)):
         moving, staying, turned, step = turn_source(
-            turns[turn], size, source, source_cells, grown.shape[0], occupied, max_counted
+            turns[turn], size, source, source_cells, layers, occupied, max_counted
         )
-        matches = count_hits(moving, 1, first, first, grown, edge)
-        conflicts = count_hits(moving, 1, first, first, clear, edge)
-        conflicts += count_hits(staying, -1, first + last, first + last, pad_rows(turned), edge)
+        shown, at = join_rows(turned, edge), first + last
+        matches = count_hits(moving, 1, first, first, grown, rows, rows, edge)
+        conflicts = count_hits(moving, 1, first, first, clear, rows, rows, edge)
+        conflicts += count_hits(staying, -1, at, at, shown, source_cells, source_cells, edge)
         for kind in range(len(weights)):
             take_peaks(
                 matches, conflicts, weights[kind], radius, scores[turn, kind], shifts[turn, kind]
