@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from mpe_core.geometry.rigid import pose
 from mpe_core.kernels.layer_shifts import find_shifts, list_cells
-from mpe_core.kernels.shift_windows import best_shifts, window_masks
+from mpe_core.kernels.shift_windows import EDGE, best_shifts, window_masks
 from mpe_core.progress import FractionCallback
 from mpe_core.search.levelled_cloud import CELL_SIZE, LevelledCloud
 from mpe_core.search.levelled_effort import LevelledEffort
@@ -51,9 +51,8 @@ SHIFTS_PER_TURN = 20
 PEAK_RADIUS, FINE_PEAK_RADIUS = 2, 3
 """Cells around a peak in which no other is taken, coarse and fine ones."""
 
-WINDOW_START = 3
-"""Fine cells before those of a coarse peak from which on the best one is looked for: with the
-window of `shift_windows`, one and a half coarse cells to each side."""
+WINDOW_START = (EDGE - COARSE_CELLS) // 2
+"""Fine cells of a window before those of the coarse peak in its middle."""
 
 
 def find_levelled_poses(
