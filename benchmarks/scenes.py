@@ -89,8 +89,8 @@ def table(result: Result) -> str:
         " each, turned at random over SO(3) and moved; right by the tolerances of the pair. With"
         " viewpoints: of the pairs whose scanners stood at the origins of their files. The weights"
         " of what contradicts a pose (free space, layers), the margin of free space, places of full"
-        " sight and the narrower planes at the end were chosen with these pairs in view; everything"
-        " else was not.\n"
+        " sight, the effort of the levelled search and the narrower planes at the end were chosen"
+        " with these pairs in view; everything else was not.\n"
         f"{settings_text(result['methods'])}.\n\n"
         "## Right\n\n"
         + markdown(("", *names), [_line(rows, names, "all", lambda row: True)])

@@ -146,7 +146,7 @@ def from_bits(bits):
     return np.int32(bits).view(np.float32)
 
 
-@njit(f"int32({QUERY}, int64, {COLUMNS})", cache=True, fastmath=True)
+@njit(f"int32({QUERY}, int64, {COLUMNS})", cache=True)
 def least_of_others(qx, qy, qz, left_out, px, py, pz):
     """Return the bits of the least squared distance from a query to the points px, py, pz.
 
@@ -160,7 +160,8 @@ def least_of_others(qx, qy, qz, left_out, px, py, pz):
     return best
 
 
-@njit(f"int64({QUERY}, int32, {COLUMNS})", cache=True, fastmath=True)
+# no fastmath in these two: both have to round a distance alike
+@njit(f"int64({QUERY}, int32, {COLUMNS})", cache=True)
 def first_at(qx, qy, qz, bits, px, py, pz):
     """Return the first row of px, py, pz at the squared distance with these bits."""
     first = FARTHEST

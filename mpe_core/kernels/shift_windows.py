@@ -115,27 +115,18 @@ def best_shifts(
 
     Parameters
     ----------
-    turns
-        (T,) turns of the source about its centre, in radians.
+    turns, source, source_cells, size, weights
+        As those of `find_shifts`.
     starts
         (T + 1,) bounds of the windows of each turn.
     corners
         (W, 2) first shift of each window, in cells.
-    source
-        Cloud that moves, as `SOURCE`.
-    source_cells
-        Cells along a side of a grid around the source's centre.
-    size
-        Edge of a cell.
     target
         Cloud that stays, as `TARGET`.
     target_cells
         Cells along a side of its grid.
     max_counted
-        Occupied cells of either cloud that are counted: of more, every second or third is. Less
-        than 2^PLANES.
-    weights
-        (C,) weights of a conflict over a match.
+        As that of `find_shifts`, less than 2^PLANES.
 
     Returns
     -------

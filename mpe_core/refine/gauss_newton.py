@@ -57,6 +57,7 @@ def minimize_point_to_plane(
     cutoffs, tolerances = cutoffs[is_near:], tolerances[is_near:]
     allowed = motion_basis @ np.linalg.pinv(motion_basis)
     nearest, anchors = _nothing_found(len(ends), sample)
+    moving = _moving(sample)
     steps, rounds = np.zeros((2, len(ends)), np.int64)
     for _ in range(max_steps):
         rows = np.flatnonzero(rounds < len(cutoffs))
@@ -76,7 +77,7 @@ def minimize_point_to_plane(
             ends,
             rows,
             nearest,
-            _moving(sample),
+            moving,
             target.planes(smooth=smooth),
             cutoffs[rounds[rows]],
             allowed,

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from mpe_core.geometry.cell_list import CellList
-from mpe_core.kernels.plane_descent import (
+from mpe_core.kernels.plane_descent import find_nearest, find_unknown, step_on_planes
+from mpe_core.kernels.plane_equations import (
     EQUATION_SUMS,
     add_equations,
-    find_nearest,
-    find_unknown,
     solve_allowed,
-    step_on_planes,
     sum_equations,
 )
 from mpe_core.kernels.rigid_motion import update_pose

@@ -1,0 +1,163 @@
+"""Normal equations of the robust point-to-plane sum, and their solution."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mpe_core.kernels.energy_descent import solve_cholesky
+
+MOVING = "Tuple((float32[:, ::1], float32[:, ::1]))"
+"""Points (N, 3), and unit normals (N, 3) that point outwards, or (0, 3) if these are unknown."""
+PLANES = "Tuple((float32[:, ::1], float32[:, ::1]))"
+"""A point (M, 3) of each plane in the order of the cells, and unit normals (M, 3)."""
+
+EQUATION_SUMS = 27
+"""Numbers of a sum of normal equations: those of the upper triangle, and of the right side."""
+
+
+@njit("void(float64[:, ::1], float32[::1], float32[::1])", cache=True)
+def move_point(T, point, moved):
+    """Write the place of a point (3,) at the pose T into moved (3,)."""
+    for a in range(3):
+        moved[a] = T[a, 0] * point[0] + T[a, 1] * point[1] + T[a, 2] * point[2] + T[a, 3]
+
+
+@njit(
+    f"void(float64[:, ::1], int32[::1], {MOVING}, {PLANES}, float32, int64, int64, float64[::1])",
+    cache=True,
+    error_model="numpy",
+)
+def sum_equations(T, nearest, moving, planes, cutoff, first, last, sums):
+    """Sum the normal equations of some of the points at the pose T.
+
+    The function is the sum of rho(n.(y - p)) over a small motion p -> p + w x p + v of the moved
+    points p, y the point of the plane `nearest` (N,) to each and n its normal, with Tukey's
+    biweight rho. Its step (w, v) solves H (w, v) = g.
+
+    Parameters
+    ----------
+    T, nearest, moving, planes, cutoff
+        As those of `step_on_planes`, of one pose.
+    first, last
+        Bounds of the points that are summed.
+    sums
+        (27,) takes the upper triangle of H, row by row, and g.
+    """
+    # unrolled on purpose, see `normal_equations`
+    points, outward = moving
+    feet, normals = planes
+    has_outward = outward.shape[0] > 0
+    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = 0.0
+    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = 0.0
+    g0 = g1 = g2 = g3 = g4 = g5 = 0.0
+    moved = np.empty(3, np.float32)
+    for i in range(first, last):
+        k = nearest[i]
+        if k < 0:
+            continue
+        x, y, z = normals[k, 0], normals[k, 1], normals[k, 2]
+        if has_outward:
+            ox, oy, oz = outward[i, 0], outward[i, 1], outward[i, 2]
+            facing = x * (T[0, 0] * ox + T[0, 1] * oy + T[0, 2] * oz)
+            facing += y * (T[1, 0] * ox + T[1, 1] * oy + T[1, 2] * oz)
+            facing += z * (T[2, 0] * ox + T[2, 1] * oy + T[2, 2] * oz)
+            if facing < 0.0:
+                continue
+        move_point(T, points[i], moved)
+        px, py, pz = moved[0], moved[1], moved[2]
+        d = np.float64((feet[k, 0] - px) * x + (feet[k, 1] - py) * y + (feet[k, 2] - pz) * z)
+        u = (d / cutoff) ** 2
+        if u < 1.0:
+            w = (1.0 - u) * (1.0 - u)
+            a, b, c = (
+                np.float64(py * z - pz * y),
+                np.float64(pz * x - px * z),
+                np.float64(px * y - py * x),
+            )
+            wa, wb, wc, wx, wy, wz, wd = w * a, w * b, w * c, w * x, w * y, w * z, w * d
+            h00 += wa * a
+            h01 += wa * b
+            h02 += wa * c
+            h03 += wa * x
+            h04 += wa * y
+            h05 += wa * z
+            h11 += wb * b
+            h12 += wb * c
+            h13 += wb * x
+            h14 += wb * y
+            h15 += wb * z
+            h22 += wc * c
+            h23 += wc * x
+            h24 += wc * y
+            h25 += wc * z
+            h33 += wx * x
+            h34 += wx * y
+            h35 += wx * z
+            h44 += wy * y
+            h45 += wy * z
+            h55 += wz * z
+            g0 += wd * a
+            g1 += wd * b
+            g2 += wd * c
+            g3 += wd * x
+            g4 += wd * y
+            g5 += wd * z
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = h00, h01, h02, h03, h04, h05
+    sums[6], sums[7], sums[8], sums[9], sums[10] = h11, h12, h13, h14, h15
+    sums[11], sums[12], sums[13], sums[14] = h22, h23, h24, h25
+    sums[15], sums[16], sums[17] = h33, h34, h35
+    sums[18], sums[19], sums[20] = h44, h45, h55
+    sums[21], sums[22], sums[23], sums[24], sums[25], sums[26] = g0, g1, g2, g3, g4, g5
+
+
+@njit("void(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, error_model="numpy")
+def solve_allowed(H, g, allowed):
+    """Replace g by the step that solves H step = g within the allowed motions, or by zero.
+
+    A share of the trace holds the directions in which the surface slides on itself, and the trace
+    those that are not allowed.
+    """
+    trace = 0.0
+    for r in range(6):
+        trace += H[r, r]
+    A, b = np.empty((6, 6)), np.empty(6)
+    half = np.empty((6, 6))
+    for r in range(6):
+        for c in range(6):
+            half[r, c] = 0.0
+            for m in range(6):
+                half[r, c] += allowed[r, m] * H[m, c]
+    for r in range(6):
+        b[r] = 0.0
+        for c in range(6):
+            s = 0.0
+            for m in range(6):
+                s += half[r, m] * allowed[m, c]
+            same = 1.0 if r == c else 0.0
+            A[r, c] = s + (same - allowed[r, c]) * trace + same * (1e-9 * trace + 1e-30)
+            b[r] += allowed[r, c] * g[c]
+    if not solve_cholesky(A, b):
+        b[:] = 0.0
+    g[:] = b
+
+
+@njit("Tuple((float64[:, ::1], float64[::1]))(float64[:, ::1])", cache=True)
+def add_equations(parts):
+    """Add the sums (P, 27) of parts of the points, as those of `sum_equations`.
+
+    Returns
+    -------
+    H (6, 6) and g (6,).
+    """
+    total = np.zeros(EQUATION_SUMS)
+    for part in range(parts.shape[0]):
+        for k in range(EQUATION_SUMS):
+            total[k] += parts[part, k]
+    H, g, k = np.empty((6, 6)), np.empty(6), 0
+    for r in range(6):
+        g[r] = total[EQUATION_SUMS - 6 + r]
+        for c in range(r, 6):
+            H[r, c] = H[c, r] = total[k]
+            k += 1
+    return H, g
