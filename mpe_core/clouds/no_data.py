@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.range_shell import find_range_shell
-from mpe_core.geometry.bounds import measure_extent
 from mpe_core.geometry.sampling import take_every
+from mpe_core.kernels.bounds import bounding_box
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -97,8 +97,8 @@ def _find_far(points: Array) -> Rows | None:
     subset = take_every(points, USUAL_POINTS)
     median = np.median(subset, axis=0)
     usual = float(np.quantile(np.abs(subset - median).max(axis=1), 0.75))
-    extent = measure_extent(points)
-    farthest = max((extent.high - median).max(), (median - extent.low).max())
+    low, high = bounding_box(points)
+    farthest = max((high - median).max(), (median - low).max())
     if usual == 0 or farthest <= REPEATED_FAR_RADII * usual:
         return None
     distance = np.abs(points - median).max(axis=1)

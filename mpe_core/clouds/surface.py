@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.cell_list import CellList, LocalPlanes, Points, voxel_downsample
+from mpe_core.geometry.cell_list import CellList, Points, voxel_downsample
 from mpe_core.geometry.rigid import mirrored
 from mpe_core.geometry.sampling import take_every
 from mpe_core.geometry.viewpoints import nearest_viewpoint
@@ -63,15 +63,16 @@ class Surface:
 def fit_surface(points: Points, voxel_size: float = VOXEL_SIZE) -> Surface:
     """Thin a cloud (N, 3) to one point a voxel, and fit a plane of either sign around each."""
     sample = voxel_downsample(points, voxel_size)
-    radius, roughness, spacing = _choose_neighbourhood(sample, voxel_size)
-    points = CellList(sample, radius).points
-    planes = _fit_planes(points, sample, radius, voxel_size)
+    chosen = _choose_neighbourhood(sample, voxel_size)
+    is_whole = len(chosen.support.points) == len(sample)
+    cells = chosen.support if is_whole else CellList(sample, chosen.radius)
+    planes = chosen.support.planes(cells.points)
     return Surface(
-        points=points,
+        points=cells.points,
         normals=planes.normals,
         weights=_curvature_weights(planes.surface_variation, planes.counts),
-        roughness=roughness,
-        spacing=spacing,
+        roughness=chosen.roughness,
+        spacing=chosen.spacing,
     )
 
 
@@ -83,14 +84,28 @@ def orient_normals(points: Points, normals: Points, viewpoints: NDArray[np.float
     return turned
 
 
-def _choose_neighbourhood(sample: Points, voxel_size: float) -> tuple[float, float, float]:
-    """Radius of the neighbourhoods that hold a surface; roughness and spacing of the points."""
+@dataclass(frozen=True, slots=True)
+class _Neighbourhood:
+    """Neighbourhoods that hold a surface."""
+
+    radius: float
+    support: CellList
+    """Points that planes are fitted to."""
+    roughness: float
+    """As that of `Surface`."""
+    spacing: float
+    """As that of `Surface`."""
+
+
+def _choose_neighbourhood(sample: Points, voxel_size: float) -> _Neighbourhood:
+    """Choose the neighbourhoods of a sample (N, 3) with one point a voxel."""
     subset = take_every(sample, SUBSET_POINTS)
     radius = MIN_RADIUS / VOXEL_SIZE * voxel_size
     largest = max(MAX_RADIUS, RADIUS_GROWTH * radius)
     roughness, spacing = largest, 0.0
     while True:
-        planes = _fit_planes(subset, sample, radius, voxel_size)
+        support = _support(sample, radius, voxel_size)
+        planes = support.planes(subset)
         usable = planes.counts >= MIN_NEIGHBOURS // 2
         variation = float(np.median(planes.surface_variation[usable])) if usable.any() else 1.0
         neighbours = float(np.median(planes.counts))
@@ -100,16 +115,15 @@ def _choose_neighbourhood(sample: Points, voxel_size: float) -> tuple[float, flo
         if has_neighbours:
             roughness = min(roughness, float(np.quantile(planes.plane_std[usable], 0.25)))
         if (has_neighbours and variation < MAX_VARIATION) or radius >= largest:
-            return radius, roughness, spacing
+            return _Neighbourhood(radius, support, roughness, spacing)
         radius *= RADIUS_GROWTH
 
 
-def _fit_planes(queries: Points, sample: Points, radius: float, voxel_size: float) -> LocalPlanes:
-    """Planes through the sample around the queries (N, 3)."""
-    support = sample
+def _support(sample: Points, radius: float, voxel_size: float) -> CellList:
+    """Points of the sample (N, 3) that planes of this radius are fitted to."""
     if radius >= SUPPORT_SPACINGS * voxel_size:
-        support = voxel_downsample(sample, radius / SUPPORT_SPACINGS)
-    return CellList(support, radius).planes(queries)
+        sample = voxel_downsample(sample, radius / SUPPORT_SPACINGS)
+    return CellList(sample, radius)
 
 
 def _curvature_weights(variation: Points, count: NDArray[np.int32]) -> Points:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.geometry.bounds import measure_extent
+from mpe_core.kernels.bounds import bounding_box
 from mpe_core.kernels.buckets import partition
 from mpe_core.kernels.cell_list import MAX_CELL_INDEX, nearest_within
 from mpe_core.kernels.cell_table import (
@@ -47,9 +47,9 @@ def fit_grid(points: Points, size: float) -> Grid:
 
     The edge grows for a cloud so wide that its cells could not be numbered.
     """
-    extent = measure_extent(points)
-    edge = max(size, float((extent.high - extent.low).max()) / (MAX_CELL_INDEX - 2))
-    return extent.low.astype(np.float32), np.float32(edge)
+    low, high = bounding_box(points)
+    edge = max(size, float((high - low).max()) / (MAX_CELL_INDEX - 2))
+    return low, np.float32(edge)
 
 
 def bucket_order(points: Points, grid: Grid) -> tuple[Points, NDArray[np.int32], NDArray[np.int64]]:

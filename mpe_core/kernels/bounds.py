@@ -19,6 +19,25 @@ POINTS32 = types.Array(float32, 2, "C", readonly=True)
 
 
 @njit(
+    [float64[:, ::1](POINTS64), float32[:, ::1](POINTS32)],
+    cache=True,
+    fastmath={"nnan", "nsz"},
+)
+def bounding_box(points):
+    """Return the lowest and the highest coordinates (2, 3) of points (N, 3) that are not NaN."""
+    lx = ly = lz = points.dtype.type(np.inf)
+    hx = hy = hz = points.dtype.type(-np.inf)
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        lx, ly, lz = min(lx, x), min(ly, y), min(lz, z)
+        hx, hy, hz = max(hx, x), max(hy, y), max(hz, z)
+    box = np.empty((2, 3), points.dtype)
+    box[0, 0], box[0, 1], box[0, 2] = lx, ly, lz
+    box[1, 0], box[1, 1], box[1, 2] = hx, hy, hz
+    return box
+
+
+@njit(
     [float64[:, :, ::1](POINTS64), float64[:, :, ::1](POINTS32)],
     cache=True,
     parallel=True,

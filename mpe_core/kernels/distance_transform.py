@@ -12,55 +12,53 @@ UNREACHED = np.int32(1 << 28)
 """Squared distance, in cells, of a cell that no point has reached yet."""
 
 
-@njit("void(int32[::1], int32[::1], int64)", cache=True)
-def lower_envelope(squared, feature, n):
-    """Transform the first n cells of a line in place (Felzenszwalb and Huttenlocher 2012).
+HULL = "Tuple((int64[::1], int64[::1], int32[::1], float64[::1]))"
+"""Memory for the parabolas of a lower envelope: their apexes, heights and features, and where each
+begins."""
+
+
+@njit(f"{HULL}(int64)", cache=True)
+def empty_hull(n):
+    """Return memory for lines of up to n cells."""
+    return np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int32), np.empty(n + 1)
+
+
+@njit(f"void(int32[:], int32[:], {HULL})", cache=True, error_model="numpy")
+def lower_envelope(squared, feature, hull):
+    """Transform a line of cells in place (Felzenszwalb and Huttenlocher 2012).
 
     Parameters
     ----------
     squared
-        Squared distances, in cells; replaced by the lower envelope of the parabolas on them.
+        (n,) squared distances, in cells; replaced by the lower envelope of the parabolas on them.
     feature
-        Index of the point that attains each.
+        (n,) index of the point that attains each.
+    hull
+        Memory that is overwritten, see `empty_hull`.
     """
-    sites = np.empty(n, np.int64)
-    bounds = np.empty(n + 1, np.float64)
-    heights = np.empty(n, np.int64)
-    features = np.empty(n, np.int32)
+    sites, heights, features, begins = hull
     k = -1
-    for q in range(n):
+    for q in range(squared.shape[0]):
         if squared[q] >= UNREACHED:
             continue
         h = np.int64(squared[q]) + q * q
-        start = -1e300
+        begin = -1e300
         while k >= 0:
-            start = (h - heights[k]) / (2.0 * (q - sites[k]))
-            if start > bounds[k]:
+            begin = (h - heights[k]) / (2.0 * (q - sites[k]))
+            if begin > begins[k]:
                 break
             k -= 1
-            start = -1e300
+            begin = -1e300
         k += 1
-        sites[k] = q
-        heights[k] = h
-        features[k] = feature[q]
-        bounds[k] = start
+        sites[k], heights[k], features[k], begins[k] = q, h, feature[q], begin
     if k < 0:
         return
     j = 0
-    for q in range(n):
-        while j < k and bounds[j + 1] < q:
+    for q in range(squared.shape[0]):
+        while j < k and begins[j + 1] < q:
             j += 1
         squared[q] = np.int32((q - sites[j]) * (q - sites[j]) + heights[j] - sites[j] * sites[j])
         feature[q] = features[j]
-
-
-@njit("void(int32[:], int32[:])", cache=True)
-def transform_line(squared, feature):
-    """Apply `lower_envelope` to a line of any stride, in place."""
-    line, names = squared.copy(), feature.copy()
-    lower_envelope(line, names, line.shape[0])
-    squared[:] = line
-    feature[:] = names
 
 
 @njit(
@@ -90,23 +88,25 @@ def nearest_point_index(points, origin, size, shape):
     nx, ny, nz = shape[0], shape[1], shape[2]
     squared = np.full((nx, ny, nz), UNREACHED)
     feature = np.full((nx, ny, nz), np.int32(-1))
-    offset = np.full((nx, ny, nz), np.float32(np.inf))
+    offsets = np.empty(points.shape[0], np.float32)
     for i in range(points.shape[0]):
         fx = (points[i, 0] - origin[0]) / size
         fy = (points[i, 1] - origin[1]) / size
         fz = (points[i, 2] - origin[2]) / size
         cx, cy, cz = np.int64(fx), np.int64(fy), np.int64(fz)
-        d = (fx - cx - 0.5) ** 2 + (fy - cy - 0.5) ** 2 + (fz - cz - 0.5) ** 2
-        if d < offset[cx, cy, cz]:
-            offset[cx, cy, cz] = d
+        offsets[i] = (fx - cx - 0.5) ** 2 + (fy - cy - 0.5) ** 2 + (fz - cz - 0.5) ** 2
+        held = feature[cx, cy, cz]
+        if held < 0 or offsets[i] < offsets[held]:
             squared[cx, cy, cz] = 0
             feature[cx, cy, cz] = i
     for x in prange(nx):
+        hull = empty_hull(max(ny, nz))
         for y in range(ny):
-            lower_envelope(squared[x, y], feature[x, y], nz)
+            lower_envelope(squared[x, y], feature[x, y], hull)
         for z in range(nz):
-            transform_line(squared[x, :, z], feature[x, :, z])
+            lower_envelope(squared[x, :, z], feature[x, :, z], hull)
     for y in prange(ny):
+        hull = empty_hull(nx)
         for z in range(nz):
-            transform_line(squared[:, y, z], feature[:, y, z])
+            lower_envelope(squared[:, y, z], feature[:, y, z], hull)
     return feature

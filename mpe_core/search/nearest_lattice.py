@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.clouds.surface import Surface
-from mpe_core.geometry.bounds import measure_extent
+from mpe_core.kernels.bounds import bounding_box
 from mpe_core.kernels.distance_transform import nearest_point_index
 
 CELL_SIZE = 0.03
@@ -37,9 +37,9 @@ class NearestLattice:
 
 def build_lattice(surface: Surface) -> NearestLattice:
     """Tabulate the nearest point of the surface on a lattice around it."""
-    bounds = measure_extent(surface.points)
-    origin = (bounds.low - MARGIN).astype(np.float32)
-    size = bounds.high + MARGIN - origin
+    low, high = bounding_box(surface.points).astype(np.float64)
+    origin = (low - MARGIN).astype(np.float32)
+    size = high + MARGIN - origin
     cell = max(CELL_SIZE, float(np.cbrt(np.prod(size) / MAX_CELLS)))
     shape = np.ceil(size / cell).astype(np.int64) + 1
     rows: NDArray[np.int32] = nearest_point_index(surface.points, origin, np.float32(cell), shape)

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from mpe_core.kernels.distance_transform import UNREACHED, lower_envelope, nearest_point_index
+from mpe_core.kernels.distance_transform import (
+    UNREACHED,
+    empty_hull,
+    lower_envelope,
+    nearest_point_index,
+)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -13,7 +18,7 @@ def test_a_line_is_the_lower_envelope_of_its_parabolas(seed):
     squared = np.where(rng.random(n) < 0.3, rng.integers(0, 200, n), UNREACHED).astype(np.int32)
     squared[0] = 7
     feature, before = np.arange(n, dtype=np.int32), squared.copy()
-    lower_envelope(squared, feature, n)
+    lower_envelope(squared, feature, empty_hull(n))
     q = np.arange(n)
     heights = (q[:, None] - q) ** 2 + before.astype(np.int64)
     np.testing.assert_array_equal(squared, heights.min(axis=1))
@@ -22,7 +27,7 @@ def test_a_line_is_the_lower_envelope_of_its_parabolas(seed):
 
 def test_an_empty_line_stays_empty():
     squared, feature = np.full(5, UNREACHED), np.full(5, np.int32(-1))
-    lower_envelope(squared, feature, 5)
+    lower_envelope(squared, feature, empty_hull(5))
     assert (squared == UNREACHED).all()
     assert (feature == -1).all()
 
