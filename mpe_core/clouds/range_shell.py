@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.sampling import take_every
+from mpe_core.kernels.spheres import fullest_sphere
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -86,20 +86,9 @@ def _best_centre(subset: Array) -> Array | None:
     distance = distances_from(subset, middle)
     far = subset[np.argsort(distance)[int((1 - FAR_SHARE) * len(subset)) :]] - middle
     rows = np.random.default_rng(0).integers(0, len(far), (TRIES, 4))
-    corners = far[rows]
-    A, b = 2 * (corners[:, 1:] - corners[:, :1]), np.square(corners).sum(axis=2)
-    flat = np.abs(np.linalg.det(A)) <= 1e-9 * np.abs(A).max(axis=(1, 2)) ** 3
-    A[flat] = np.eye(3)
-    centres = np.linalg.solve(A, (b[:, 1:] - b[:, :1])[..., None])[..., 0]
-    radii = np.sqrt(np.square(corners[:, 0] - centres).sum(axis=1))
-    on = np.abs(cdist(centres, far) - radii[:, None]) <= SHELL_TOL * radii[:, None]
     # from a scanner within the cloud; planes lie on huge spheres
-    on[flat | (radii > MAX_RADIUS * distance.max())] = False
-    best = int(np.argmax(on.sum(axis=1)))
-    if on[best].sum() < MIN_SHELL * len(subset) + 4:
-        return None
-    centre: Array = centres[best] + middle
-    return centre
+    centre, count = fullest_sphere(far[rows], far, SHELL_TOL, MAX_RADIUS * float(distance.max()))
+    return centre + middle if count >= MIN_SHELL * len(subset) + 4 else None
 
 
 def _shell_radius(subset: Array, centre: Array) -> float | None:

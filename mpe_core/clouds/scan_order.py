@@ -178,12 +178,11 @@ def _losses(triples: Array, places: Array, scale: float) -> Array:
 
 def _move(triples: Array, places: Array, scale: float) -> Array:
     """(P, 3) places after one Gauss-Newton step under a scale of the loss."""
-    steps = []
-    for place in places:
-        H, g = step_equations(triples, place, scale)
-        H += (1e-9 * np.trace(H) + 1e-30) * np.eye(3)
-        steps.append(np.linalg.solve(H, g))
-    return np.asarray(places + np.array(steps))
+    H, g = step_equations(triples, places, scale)
+    held = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-30
+    H += held[:, None, None] * np.eye(3)
+    moved: Array = places + np.linalg.solve(H, g[..., None])[..., 0]
+    return moved
 
 
 def _are_equal(triples: Array, place: Array) -> NDArray[np.bool_]:

@@ -39,7 +39,7 @@ def test_the_equations_are_the_slope_of_the_loss_while_the_sum_of_the_steps_is_h
 
     differences = unequal_steps(triples, place[None])[0] ** 2
     assert loss(place) == pytest.approx((differences / (differences + scale**2)).sum())
-    H, g = step_equations(triples, place, scale)
+    (H,), (g,) = step_equations(triples, place[None], scale)
     h = 1e-6
     slope = [(loss(place + h * e) - loss(place - h * e)) / (2 * h) for e in np.eye(3)]
     np.testing.assert_allclose(-2 / scale**2 * g, slope, rtol=1e-4, atol=1e-6)
