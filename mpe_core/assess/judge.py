@@ -74,7 +74,7 @@ class Judge:
 
     def with_layer_support(self, poses: Sequence[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""
-        if self._layers is None:
+        if len(poses) < 2 or self._layers is None:  # one by itself is the best
             return list(poses)
         supports = self._layers.relative_scores(
             [pose.minimum.T for pose in poses], [pose.evidence.is_plausible for pose in poses]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mpe_core.geometry.distances import distances_from
+from mpe_core.kernels.brute_force import nearest_distances
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def find_boundary(points: Array) -> NDArray[np.bool_] | None:
     edge = 0.0
     for count in (FEW_PROBES, PROBES):
         probes = np.linspace(0, len(points) - 1, count).astype(np.int64)
-        nearest = np.array([_equally_near(points, row) for row in probes])
+        nearest = _equally_near(points, probes)
         edge = float(np.median(nearest[:, 0]))
         share = _is_full(nearest, edge).mean()
         if edge == 0 or not share or (count == PROBES and share < MIN_SOLID):
@@ -50,12 +50,11 @@ def find_boundary(points: Array) -> NDArray[np.bool_] | None:
     return boundary if MIN_SOLID <= 1 - boundary.mean() < 1 else None
 
 
-def _equally_near(points: Array, row: int) -> Array:
-    """(6,) distances of the points nearest to one; infinite where they are not like the least."""
-    distance = distances_from(points, points[row])
-    distance[row] = np.inf
-    near = np.sort(distance[distance <= (1 + 3 * LATTICE_TOL) * distance.min()])[:NEIGHBOURS]
-    return np.append(near, np.full(NEIGHBOURS - len(near), np.inf))
+def _equally_near(points: Array, rows: NDArray[np.int64]) -> Array:
+    """(K, 6) distances of the points nearest to some; infinite where they are unlike the least."""
+    distances: Array = nearest_distances(points, rows, NEIGHBOURS)
+    distances[distances > (1 + 3 * LATTICE_TOL) * distances[:, :1]] = np.inf
+    return distances
 
 
 def _is_full(distances: Array, edge: float) -> NDArray[np.bool_]:

@@ -8,13 +8,14 @@ depth; seen from elsewhere they do not. Clouds that were shuffled, thinned or me
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpe_core.geometry.distances import distances_from
 from mpe_core.geometry.sampling import take_every
-from mpe_core.kernels.equal_steps import step_equations, unequal_steps
+from mpe_core.kernels.equal_steps import step_equations, step_lengths, unequal_steps
 
 Array = NDArray[np.float64]
 
@@ -116,13 +117,14 @@ def _telling_triples(points: Array, radius: float) -> Array | None:
     """
     length = min(MAX_RUN, len(points) // RUNS)
     starts = np.linspace(0, len(points) - length, RUNS).astype(np.intp)
-    steps = [np.diff(points[start : start + length], axis=0) for start in starts]
-    lengths = [_lengths(each) for each in steps]
-    if np.median(lengths) > MAX_STEP * radius:
+    steps, changes = zip(
+        *(step_lengths(points[start : start + length]) for start in starts), strict=True
+    )
+    if np.median(steps) > MAX_STEP * radius:
         return None
     bends = [
-        2 * _lengths(np.diff(step, axis=0)) > MIN_BEND * (size[1:] + size[:-1])
-        for step, size in zip(steps, lengths, strict=True)
+        2 * change > MIN_BEND * (step[1:] + step[:-1])
+        for step, change in zip(steps, changes, strict=True)
     ]
     rows = np.concatenate(
         [start + np.flatnonzero(each) for start, each in zip(starts, bends, strict=True)]
@@ -132,12 +134,6 @@ def _telling_triples(points: Array, radius: float) -> Array | None:
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), MAX_TRIPLES)).astype(np.intp)
     triples: Array = points[rows[chosen, None] + np.arange(3)]
     return triples
-
-
-def _lengths(vectors: Array) -> Array:
-    """(N,) lengths of the vectors (N, 3)."""
-    lengths: Array = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
-    return lengths
 
 
 def _find_place(triples: Array) -> Array:
@@ -153,6 +149,7 @@ def _find_place(triples: Array) -> Array:
     return np.asarray(place[0])
 
 
+@cache
 def _starts() -> Array:
     """(S, 3) places from which the search may start, densest in the middle."""
     grids = [

@@ -34,7 +34,7 @@ class Extent:
         return float(max((self.high - self.mean).max(), (self.mean - self.low).max()))
 
 
-def measure_extent(points: Array | NDArray[np.float32]) -> Extent:
+def measure_extent(points: Array) -> Extent:
     """Return the extent of points (N, 3); all of it is NaN where there are none."""
     if not len(points):
         return Extent(*np.full((3, 3), np.nan))

@@ -37,11 +37,7 @@ def bounding_box(points):
     return box
 
 
-@njit(
-    [float64[:, :, ::1](POINTS64), float64[:, :, ::1](POINTS32)],
-    cache=True,
-    parallel=True,
-)
+@njit(float64[:, :, ::1](POINTS64), cache=True, parallel=True)
 def task_extents(points):
     """Return the bounds and coordinate sums of points (N, 3), per task.
 

@@ -1,4 +1,4 @@
-"""Steps of the direction in which three points in a row are seen from a place."""
+"""Steps between points in a row, and those of the direction in which a place sees them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,27 @@ NEAREST = 1e-9
 """Least distance of a point from a place: one that lies there is seen in no direction."""
 NO_STEP = 1e-12
 """What is added to the sum of two steps: three points may be seen in one direction."""
+
+
+@njit("UniTuple(float64[::1], 2)(float64[:, ::1])", cache=True)
+def step_lengths(points):
+    """Measure the steps from each of the points (N, 3) to the next one.
+
+    Returns
+    -------
+    (N - 1,) lengths of the steps, and (N - 2,) lengths of the differences of two that follow.
+    """
+    steps, changes = np.empty(len(points) - 1), np.empty(len(points) - 2)
+    ux = uy = uz = 0.0
+    for i in range(len(steps)):
+        x = points[i + 1, 0] - points[i, 0]
+        y = points[i + 1, 1] - points[i, 1]
+        z = points[i + 1, 2] - points[i, 2]
+        steps[i] = np.sqrt(x * x + y * y + z * z)
+        if i > 0:
+            changes[i - 1] = np.sqrt((x - ux) ** 2 + (y - uy) ** 2 + (z - uz) ** 2)
+        ux, uy, uz = x, y, z
+    return steps, changes
 
 
 @njit(

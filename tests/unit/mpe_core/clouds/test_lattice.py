@@ -32,6 +32,14 @@ def test_surfaces_and_scattered_points_are_no_solids():
         assert find_boundary(cloud) is None
 
 
+def test_one_point_beside_a_solid_changes_nothing():
+    block = np.vstack([solid(), [[30.0, 30, 30]]])
+    boundary = find_boundary(block)
+    assert boundary is not None
+    assert boundary[-1]
+    np.testing.assert_array_equal(boundary[:-1], find_boundary(block[:-1]))
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_solid_is_laid_on_itself(seed):
     rng = np.random.default_rng(seed)

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from mpe_core.kernels.bounds import ROWS_PER_TASK, center_and_scale, task_extents, task_scatter
+from mpe_core.kernels.bounds import (
+    ROWS_PER_TASK,
+    bounding_box,
+    center_and_scale,
+    task_extents,
+    task_scatter,
+)
 
 
 @pytest.fixture(params=[1, ROWS_PER_TASK, 2 * ROWS_PER_TASK + 5])
@@ -12,8 +18,14 @@ def points(request):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_extents_of_the_tasks_are_those_of_their_rows(points, dtype):
+def test_the_box_holds_the_points_and_no_more(points, dtype):
     points = points.astype(dtype)
+    points.flags.writeable = False
+    np.testing.assert_array_equal(bounding_box(points), [points.min(axis=0), points.max(axis=0)])
+    assert bounding_box(points).dtype == dtype
+
+
+def test_extents_of_the_tasks_are_those_of_their_rows(points):
     points.flags.writeable = False  # a caller's memory map
     parts = task_extents(points)
     assert len(parts) == -(-len(points) // ROWS_PER_TASK)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mpe_core.kernels.equal_steps import step_equations, unequal_steps
+from mpe_core.kernels.equal_steps import step_equations, step_lengths, unequal_steps
 
 
 @pytest.fixture
@@ -44,3 +44,11 @@ def test_the_equations_are_the_slope_of_the_loss_while_the_sum_of_the_steps_is_h
     slope = [(loss(place + h * e) - loss(place - h * e)) / (2 * h) for e in np.eye(3)]
     np.testing.assert_allclose(-2 / scale**2 * g, slope, rtol=1e-4, atol=1e-6)
     assert np.all(np.linalg.eigvalsh(H) > 0)
+
+
+@pytest.mark.parametrize("count", [3, 50])
+def test_lengths_and_changes_of_the_steps_are_those_of_differences(count):
+    points = np.random.default_rng(count).normal(size=(count, 3))
+    steps, changes = step_lengths(points)
+    np.testing.assert_allclose(steps, np.linalg.norm(np.diff(points, axis=0), axis=1))
+    np.testing.assert_allclose(changes, np.linalg.norm(np.diff(points, n=2, axis=0), axis=1))
