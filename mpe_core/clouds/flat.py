@@ -11,11 +11,15 @@ from scipy.spatial import cKDTree
 from mpe_core.geometry.bounds import measure_extent, scatter_matrix
 from mpe_core.geometry.rigid import apply, pose
 from mpe_core.geometry.sampling import take_every
+from mpe_core.kernels.bounds import bounding_box
 
 Array = NDArray[np.float64]
 
 MAX_THICKNESS = 1e-5
 """Thickness of a flat cloud over its length: what files round. Scans of walls are rougher."""
+
+TELLING_POINTS = 100
+"""Points, or up to twice as many, that tell that a cloud is not flat."""
 
 MAX_OUTLINE_POINTS = 4000
 """Points of an outline that are raised, or up to twice as many."""
@@ -53,6 +57,8 @@ class Plane:
 
 def find_plane(points: Array) -> Plane | None:
     """Find the plane of points (N, 3); None if they are not flat."""
+    if not _may_be_flat(points):
+        return None
     extent = measure_extent(points)
     if np.ptp(points[:, 2]) == 0:
         return Plane(pose(np.eye(3), -extent.mean), is_level=True)
@@ -64,6 +70,15 @@ def find_plane(points: Array) -> Plane | None:
         return None
     R = np.array([axes[:, 2], axes[:, 1], np.cross(axes[:, 2], axes[:, 1])])
     return Plane(pose(R, -R @ extent.mean), is_level=False)
+
+
+def _may_be_flat(points: Array) -> bool:
+    """Tell quickly, from a few of the points (N, 3), whether all may lie in a plane."""
+    few = take_every(points, TELLING_POINTS)
+    offsets = few - few.mean(axis=0)
+    variance = np.linalg.eigvalsh(np.einsum("ni,nj->ij", offsets, offsets) / len(few))[0]
+    low, high = bounding_box(points)
+    return bool(variance <= np.square(MAX_THICKNESS * (high - low)).sum())
 
 
 @dataclass(frozen=True, slots=True)

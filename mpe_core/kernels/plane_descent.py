@@ -90,16 +90,20 @@ def find_nearest(poses, rows, nearest, anchors, points, reach, cells):
 
 
 @njit("int64[::1](int32[:, ::1], int64[::1], boolean[::1])", cache=True)
-def find_unknown(nearest, rows, is_known):
-    """Return the (U,) planes, in ascending order, that the rows of `nearest` ask for in vain."""
-    is_wanted = np.zeros(len(is_known), np.bool_)
+def mark_unknown(nearest, rows, is_known):
+    """Return the (U,) planes, in ascending order, that the rows of `nearest` ask for in vain.
+
+    From now on they count as known in is_known (M,).
+    """
+    unknown = np.empty(min(len(rows) * nearest.shape[1], len(is_known)), np.int64)
     count = 0
     for row in rows:
         for k in nearest[row]:
-            if k >= 0 and not is_known[k] and not is_wanted[k]:
-                is_wanted[k] = True
+            if k >= 0 and not is_known[k]:
+                is_known[k] = True
+                unknown[count] = k
                 count += 1
-    return np.flatnonzero(is_wanted) if count else np.empty(0, np.int64)
+    return np.sort(unknown[:count])
 
 
 @njit(

@@ -106,19 +106,19 @@ def point_to_plane_uncertainty(
     sample: Sample,
     planes: TargetPlanes,
     T: Array,
+    matches: Correspondences,
     axes: MotionAxes,
     *,
     smooth: bool,
     derivative_points: int = DERIVATIVE_POINTS,
 ) -> PoseUncertainty:
-    """Estimate the uncertainty of a minimum of `minimize_point_to_plane`.
+    """Estimate the uncertainty of a minimum of `minimize_point_to_plane`, from its matches.
 
     The sandwich N^-1 B N^-1 of an M-estimator (Huber 1967): N is the derivative of the gradient, in
     which points change their planes, and B the scatter of the gradient over patches of the surface
     as wide as a plane (Liang and Zeger 1986), since points of one patch share the errors of their
     planes. Small features need more points of the derivative than the rest.
     """
-    matches = match_planes(sample, planes, T, smooth=smooth)
     gradients = _gradients(matches, planes.cutoff)
     N = _stiffness(sample, planes, T, derivative_points, smooth=smooth)
     B = _scatter_over_patches(matches, gradients, planes.radius)

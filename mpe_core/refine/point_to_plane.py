@@ -77,6 +77,7 @@ class PointToPlane:
         # and narrower ones would hold too few points, or not average the noise
         self._may_sharpen = not (regime.is_sparse or regime.is_noisy)
         self._max_iterations = options.max_iterations
+        self._last: tuple[Array, Correspondences] | None = None
 
     @property
     def radius(self) -> float:
@@ -120,8 +121,10 @@ class PointToPlane:
         return replace(found, iterations=minimum.iterations + found.iterations)
 
     def match(self, T: Array) -> Correspondences:
-        """Match the sample at the pose T with the planes."""
-        return match_planes(self._sample, self._planes, T)
+        """Match the sample at the pose T with the planes; the last answer is kept."""
+        if self._last is None or not np.array_equal(self._last[0], T):
+            self._last = T.copy(), match_planes(self._sample, self._planes, T)
+        return self._last[1]
 
     @cached_property
     def variation(self) -> Points:
@@ -156,10 +159,12 @@ class PointToPlane:
         smooth, T = minimum.criterion == "smoothed_point_to_plane", minimum.T
         sliding = MotionAxes.of(self._information(T), self._motion_basis)
         is_held = self._are_held(T, sliding)
+        sample = self._smoothed_sample if smooth else self._sample
         return covariance.point_to_plane_uncertainty(
-            self._smoothed_sample if smooth else self._sample,
+            sample,
             self._planes,
             T,
+            match_planes(sample, self._planes, T, smooth=True) if smooth else self.match(T),
             sliding.with_held(is_held),
             smooth=smooth,
             derivative_points=len(self._sample.points) if is_held.any() else DERIVATIVE_POINTS,

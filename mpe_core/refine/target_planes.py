@@ -12,7 +12,7 @@ from mpe_core.clouds.surface import orient_normals
 from mpe_core.geometry.cell_list import CellList, Points
 from mpe_core.geometry.rigid import apply
 from mpe_core.geometry.sampling import take_every
-from mpe_core.kernels.plane_descent import find_unknown
+from mpe_core.kernels.plane_descent import mark_unknown
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ class TargetPlanes:
             (N,) surface variation around each point; NaN at the border of the cloud.
         """
         self.fit_nearest(rows[None], np.zeros(1, np.int64))
-        return self._feet[rows], self._normals[rows], self._variation[rows]
+        return self._feet.take(rows, 0), self._normals.take(rows, 0), self._variation[rows]
 
     def planes(self, *, smooth: bool) -> tuple[Points, Points]:
         """Return the planes at all rows of `cells.points`, as far as they were fitted.
@@ -106,20 +106,16 @@ class TargetPlanes:
 
     def fit_nearest(self, nearest: NDArray[np.int32], poses: NDArray[np.int64]) -> None:
         """Fit the planes that some of the poses (A,) ask for, by rows (K, N), -1 for none."""
-        self.fit(find_unknown(nearest, poses, self.is_fitted))
-
-    def fit(self, rows: NDArray[np.integer]) -> None:
-        """Fit the planes at the rows of `cells.points`."""
+        rows = mark_unknown(nearest, poses, self.is_fitted)
         if len(rows) == 0:
             return
-        points = self.cells.points[rows]
+        points = self.cells.points.take(rows, 0)
         planes = self.cells.planes(points)
         normals = planes.normals
         if self._viewpoints is not None:
             normals = orient_normals(points, normals, self._viewpoints)
         self._feet[rows], self._normals[rows] = planes.project(points), normals
         self._variation[rows] = planes.comparable_variation(self.radius)
-        self.is_fitted[rows] = True
 
     def variation_of_subset(self) -> Points:
         """(N,) surface variation at some of the points."""
@@ -195,7 +191,7 @@ def match_planes(
     in_range = row >= 0
     row = np.where(in_range, row, 0).astype(np.int32)
     feet, normals, variation = target.planes_at(row)
-    points = feet if smooth else target.cells.points[row]
+    points = feet if smooth else target.cells.points.take(row, 0)
     valid = in_range
     if sample.normals is not None:
         outward = np.einsum("ij,nj->ni", T[:3, :3].astype(np.float32), sample.normals)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpe_core.geometry.cell_list import CellList
-from mpe_core.kernels.plane_descent import find_nearest, find_unknown, step_on_planes
+from mpe_core.kernels.plane_descent import find_nearest, mark_unknown, step_on_planes
 from mpe_core.kernels.plane_equations import (
     EQUATION_SUMS,
     add_equations,
@@ -120,8 +120,9 @@ def test_a_point_that_stays_in_place_is_not_looked_up_again(fixed, moving):
 def test_unknown_planes_are_those_that_the_given_poses_ask_for():
     nearest = np.array([[4, -1, 2, 4], [3, 3, 0, 1], [5, 0, -1, 2]], np.int32)
     is_known = np.array([True, False, False, False, False, False])
-    np.testing.assert_array_equal(find_unknown(nearest, np.array([0, 2]), is_known), [2, 4, 5])
-    assert len(find_unknown(nearest[:, 1:2].copy(), np.array([0]), is_known)) == 0
+    np.testing.assert_array_equal(mark_unknown(nearest, np.array([0, 2]), is_known), [2, 4, 5])
+    np.testing.assert_array_equal(is_known, [True, False, True, False, True, True])
+    assert len(mark_unknown(nearest, np.array([0, 2]), is_known)) == 0
 
 
 def test_a_step_keeps_to_the_allowed_motions(fixed, moving):

@@ -47,7 +47,7 @@ def test_poses_that_run_out_of_steps_have_not_converged(cloud, starts):
 def test_neither_other_poses_nor_planes_that_are_known_change_a_bit(cloud, starts):
     together = descend(cloud, starts, 50)
     known = TargetPlanes(cloud.fine, cloud.surface.spacing)
-    known.fit(np.arange(len(cloud.fine)))
+    known.planes_at(np.arange(len(cloud.fine), dtype=np.int32))
     for start, each in zip(starts, together, strict=True):
         (alone,) = descend(cloud, start[None], 50)
         (among_known,) = descend(cloud, start[None], 50, known)
