@@ -24,22 +24,49 @@ def add_counts(a, b, out):
         out[c] = np.uint16(a[c] + b[c])
 
 
-@njit("uint16(uint16[::1], uint16[::1], int64, int64, int64)", cache=True)
-def sum_blocks(histogram, scratch, cells, row, plane):
-    """Write the sums of 2x2x2 blocks of the histogram into scratch[:cells]; return the largest.
-
-    `row` and `plane` are the offsets of the next cell along y and x. The histogram is overwritten.
-    """
-    n = cells + plane + row
-    add_counts(histogram[:n], histogram[1 : n + 1], scratch[:n])
-    n = cells + plane
-    add_counts(scratch[:n], scratch[row : row + n], histogram[:n])
-    add_counts(histogram[:cells], histogram[plane : plane + cells], scratch[:cells])
+@njit("uint16(uint16[::1], uint16[::1])", cache=True)
+def largest_sum(a, b):
+    """Return the largest of the sums a + b."""
     largest = np.uint16(0)
-    for c in range(cells):
-        v = scratch[c]
+    for c in range(a.shape[0]):
+        v = np.uint16(a[c] + b[c])
         largest = v if v > largest else largest
     return largest
+
+
+@njit("Tuple((int64, uint16))(uint16[::1], int64, int64)", cache=True)
+def take_fullest_block(histogram, row, plane):
+    """Find the first of the fullest blocks of 2x2x2 cells, and empty the histogram.
+
+    One plane after the other, so that what is summed stays in the nearest cache.
+
+    Parameters
+    ----------
+    histogram
+        Counts of the cells, followed by as many zeros as a plane and `row` + 2 cells.
+    row, plane
+        Offsets of the next cell along y and along x.
+
+    Returns
+    -------
+    The lowest cell of the block, and its count.
+    """
+    along_z = np.empty(plane + row, np.uint16)
+    before, here = np.zeros(plane, np.uint16), np.empty(plane, np.uint16)
+    best, most = 0, np.uint16(0)
+    for first in range(0, histogram.shape[0] - row - plane, plane):
+        n = plane + row
+        add_counts(histogram[first : first + n], histogram[first + 1 : first + n + 1], along_z)
+        add_counts(along_z[:plane], along_z[row:], here)
+        histogram[first : first + plane] = 0
+        largest = largest_sum(before, here) if first else most
+        if largest > most:
+            cell = 0
+            while np.uint16(before[cell] + here[cell]) != largest:
+                cell += 1
+            best, most = first - plane + cell, largest
+        before, here = here, before
+    return best, most
 
 
 @njit("int64(float32, float32, float32)", cache=True, inline="always")
@@ -127,19 +154,13 @@ def best_translations(rotations, source, target, size, half):
     votes = np.empty(count, np.float32)
     tasks = (count + ROTATIONS_PER_TASK - 1) // ROTATIONS_PER_TASK
     for task in prange(tasks):
-        histogram = np.empty(cells + wy * wz + wz + 2, np.uint16)
-        sums = np.empty(cells + wy * wz + wz + 2, np.uint16)
+        histogram = np.zeros(cells + wy * wz + wz + 2, np.uint16)
         for k in range(task * ROTATIONS_PER_TASK, min(count, (task + 1) * ROTATIONS_PER_TASK)):
-            histogram[:] = 0
             cast_votes(rotations[k], source, target, size, half, histogram)
-            largest = sum_blocks(histogram, sums, cells, wz, wy * wz)
-            best = 0
-            while sums[best] != largest:
-                best += 1
+            best, votes[k] = take_fullest_block(histogram, wz, wy * wz)
             # floor(y) - floor(Rx) = c stands for differences in (c - 1, c + 1): the block of c and
             # c + 1 has its center at c + 0.5
             translations[k, 0] = (best // (wy * wz) - half[0] + 0.5) * size
             translations[k, 1] = ((best // wz) % wy - half[1] + 0.5) * size
             translations[k, 2] = (best % wz - half[2] + 0.5) * size
-            votes[k] = largest
     return translations, votes

@@ -8,7 +8,7 @@ from mpe_core.kernels.translation_votes import (
     BINS_PER_EDGE,
     best_translations,
     direction_bin,
-    sum_blocks,
+    take_fullest_block,
 )
 
 BINS = 3 * BINS_PER_EDGE**2
@@ -24,19 +24,24 @@ def test_a_line_has_one_bin_whichever_way_it_points():
     assert set(bins) == set(range(BINS))
 
 
-def test_blocks_are_the_sums_of_eight_cells():
+@pytest.mark.parametrize("seed", range(4))
+def test_the_fullest_block_of_eight_cells_is_found_and_the_histogram_emptied(seed):
     nx, ny, nz = 4, 5, 6
-    counts = np.random.default_rng(0).integers(0, 50, (nx, ny, nz))
+    counts = np.random.default_rng(seed).integers(0, 50, (nx, ny, nz))
     counts[-1] = counts[:, -1] = counts[:, :, -1] = 0
     row, plane = nz, ny * nz
     histogram = np.zeros(counts.size + plane + row + 2, np.uint16)
     histogram[: counts.size] = counts.ravel()
-    scratch = np.zeros_like(histogram)
-    largest = sum_blocks(histogram, scratch, counts.size, row, plane)
+    cell, most = take_fullest_block(histogram, row, plane)
     windows = np.lib.stride_tricks.sliding_window_view(counts, (2, 2, 2)).sum(axis=(3, 4, 5))
-    blocks = scratch[: counts.size].reshape(nx, ny, nz)[:-1, :-1, :-1]
-    np.testing.assert_array_equal(blocks, windows)
-    assert largest == scratch[: counts.size].max()
+    assert most == windows.max()
+    first = np.unravel_index(np.argmax(windows), windows.shape)
+    assert cell == np.ravel_multi_index(first, counts.shape)
+    assert not histogram.any()
+
+
+def test_an_empty_histogram_has_no_block():
+    assert take_fullest_block(np.zeros(2 * 20 + 4 + 2, np.uint16), 4, 20) == (0, 0)
 
 
 def vote(target_bins):
