@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit, prange
 
 from mpe_core.kernels.cell_list import CELLS, from_bits, nearest_of_all, to_bits
+from mpe_core.kernels.motion_equations import EQUATION_SUMS
 from mpe_core.kernels.plane_equations import (
-    EQUATION_SUMS,
     MOVING,
     PLANES,
     add_equations,

@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mpe_core.kernels.energy_descent import solve_cholesky
+from mpe_core.kernels.motion_equations import EQUATION_SUMS, solve_cholesky, unpack_equations
 
 MOVING = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """Points (N, 3), and unit normals (N, 3) that point outwards, or (0, 3) if these are unknown."""
 PLANES = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """A point (M, 3) of each plane in the order of the cells, and unit normals (M, 3)."""
 
-EQUATION_SUMS = 27
-"""Numbers of a sum of normal equations: those of the upper triangle, and of the right side."""
+BLOCK = 64
+"""Points that are looked up before their terms are added."""
+BLOCK_ROWS = 7
+"""Numbers of a point in a block: its place, the normal of its plane, and its distance from that."""
 
 
 @njit("void(float64[:, ::1], float32[::1], float32[::1])", cache=True)
@@ -24,9 +26,122 @@ def move_point(T, point, moved):
 
 
 @njit(
+    f"int64(float64[:, ::1], int32[::1], {MOVING}, {PLANES}, int64, int64, float32[:, ::1])",
+    cache=True,
+)
+def fill_block(T, nearest, moving, planes, first, last, block):
+    """Look up the planes of the points first:last that have one and face it.
+
+    Parameters
+    ----------
+    T, nearest, moving, planes
+        As those of `step_on_planes`, of one pose.
+    first, last
+        Bounds of the points, at most BLOCK.
+    block
+        (BLOCK_ROWS, BLOCK) takes a column for each such point.
+
+    Returns
+    -------
+    The number of columns.
+    """
+    points, outward = moving
+    feet, normals = planes
+    has_outward = outward.shape[0] > 0
+    moved = np.empty(3, np.float32)
+    count = 0
+    for i in range(first, last):
+        k = nearest[i]
+        if k < 0:
+            continue
+        x, y, z = normals[k, 0], normals[k, 1], normals[k, 2]
+        if has_outward:
+            ox, oy, oz = outward[i, 0], outward[i, 1], outward[i, 2]
+            facing = x * (T[0, 0] * ox + T[0, 1] * oy + T[0, 2] * oz)
+            facing += y * (T[1, 0] * ox + T[1, 1] * oy + T[1, 2] * oz)
+            facing += z * (T[2, 0] * ox + T[2, 1] * oy + T[2, 2] * oz)
+            if facing < 0.0:
+                continue
+        move_point(T, points[i], moved)
+        px, py, pz = moved[0], moved[1], moved[2]
+        block[0, count], block[1, count], block[2, count] = px, py, pz
+        block[3, count], block[4, count], block[5, count] = x, y, z
+        block[6, count] = (feet[k, 0] - px) * x + (feet[k, 1] - py) * y + (feet[k, 2] - pz) * z
+        count += 1
+    return count
+
+
+@njit(
+    "void(float32[:, ::1], int64, float32, float64[::1])",
+    cache=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def add_block(block, count, cutoff, sums):
+    """Add the terms of the points of a block to the normal equations.
+
+    Parameters
+    ----------
+    block, count
+        Points as `fill_block` leaves them, and their number.
+    cutoff
+        Cut-off of Tukey's biweight.
+    sums
+        (27,) upper triangle of H and g, to which the terms are added.
+    """
+    # unrolled and over columns on purpose, see `energy_descent.add_block`
+    points_x, points_y, points_z = block[0], block[1], block[2]
+    normals_x, normals_y, normals_z, distances = block[3], block[4], block[5], block[6]
+    zero, one = np.float32(0.0), np.float32(1.0)
+    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = zero
+    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = zero
+    g0 = g1 = g2 = g3 = g4 = g5 = zero
+    for k in range(count):
+        px, py, pz = points_x[k], points_y[k], points_z[k]
+        x, y, z, d = normals_x[k], normals_y[k], normals_z[k], distances[k]
+        u = d / cutoff
+        rest = max(one - u * u, zero)
+        w = rest * rest
+        a, b, c = py * z - pz * y, pz * x - px * z, px * y - py * x
+        wa, wb, wc, wx, wy, wz, wd = w * a, w * b, w * c, w * x, w * y, w * z, w * d
+        h00 += wa * a
+        h01 += wa * b
+        h02 += wa * c
+        h03 += wa * x
+        h04 += wa * y
+        h05 += wa * z
+        h11 += wb * b
+        h12 += wb * c
+        h13 += wb * x
+        h14 += wb * y
+        h15 += wb * z
+        h22 += wc * c
+        h23 += wc * x
+        h24 += wc * y
+        h25 += wc * z
+        h33 += wx * x
+        h34 += wx * y
+        h35 += wx * z
+        h44 += wy * y
+        h45 += wy * z
+        h55 += wz * z
+        g0 += wd * a
+        g1 += wd * b
+        g2 += wd * c
+        g3 += wd * x
+        g4 += wd * y
+        g5 += wd * z
+    terms = (
+        *(h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15, h22, h23, h24, h25),
+        *(h33, h34, h35, h44, h45, h55, g0, g1, g2, g3, g4, g5),
+    )
+    for k in range(EQUATION_SUMS):
+        sums[k] += terms[k]
+
+
+@njit(
     f"void(float64[:, ::1], int32[::1], {MOVING}, {PLANES}, float32, int64, int64, float64[::1])",
     cache=True,
-    error_model="numpy",
 )
 def sum_equations(T, nearest, moving, planes, cutoff, first, last, sums):
     """Sum the normal equations of some of the points at the pose T.
@@ -44,71 +159,12 @@ def sum_equations(T, nearest, moving, planes, cutoff, first, last, sums):
     sums
         (27,) takes the upper triangle of H, row by row, and g.
     """
-    # unrolled on purpose, see `normal_equations`
-    points, outward = moving
-    feet, normals = planes
-    has_outward = outward.shape[0] > 0
-    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = 0.0
-    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = 0.0
-    g0 = g1 = g2 = g3 = g4 = g5 = 0.0
-    moved = np.empty(3, np.float32)
-    for i in range(first, last):
-        k = nearest[i]
-        if k < 0:
-            continue
-        x, y, z = normals[k, 0], normals[k, 1], normals[k, 2]
-        if has_outward:
-            ox, oy, oz = outward[i, 0], outward[i, 1], outward[i, 2]
-            facing = x * (T[0, 0] * ox + T[0, 1] * oy + T[0, 2] * oz)
-            facing += y * (T[1, 0] * ox + T[1, 1] * oy + T[1, 2] * oz)
-            facing += z * (T[2, 0] * ox + T[2, 1] * oy + T[2, 2] * oz)
-            if facing < 0.0:
-                continue
-        move_point(T, points[i], moved)
-        px, py, pz = moved[0], moved[1], moved[2]
-        d = np.float64((feet[k, 0] - px) * x + (feet[k, 1] - py) * y + (feet[k, 2] - pz) * z)
-        u = (d / cutoff) ** 2
-        if u < 1.0:
-            w = (1.0 - u) * (1.0 - u)
-            a, b, c = (
-                np.float64(py * z - pz * y),
-                np.float64(pz * x - px * z),
-                np.float64(px * y - py * x),
-            )
-            wa, wb, wc, wx, wy, wz, wd = w * a, w * b, w * c, w * x, w * y, w * z, w * d
-            h00 += wa * a
-            h01 += wa * b
-            h02 += wa * c
-            h03 += wa * x
-            h04 += wa * y
-            h05 += wa * z
-            h11 += wb * b
-            h12 += wb * c
-            h13 += wb * x
-            h14 += wb * y
-            h15 += wb * z
-            h22 += wc * c
-            h23 += wc * x
-            h24 += wc * y
-            h25 += wc * z
-            h33 += wx * x
-            h34 += wx * y
-            h35 += wx * z
-            h44 += wy * y
-            h45 += wy * z
-            h55 += wz * z
-            g0 += wd * a
-            g1 += wd * b
-            g2 += wd * c
-            g3 += wd * x
-            g4 += wd * y
-            g5 += wd * z
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = h00, h01, h02, h03, h04, h05
-    sums[6], sums[7], sums[8], sums[9], sums[10] = h11, h12, h13, h14, h15
-    sums[11], sums[12], sums[13], sums[14] = h22, h23, h24, h25
-    sums[15], sums[16], sums[17] = h33, h34, h35
-    sums[18], sums[19], sums[20] = h44, h45, h55
-    sums[21], sums[22], sums[23], sums[24], sums[25], sums[26] = g0, g1, g2, g3, g4, g5
+    block = np.empty((BLOCK_ROWS, BLOCK), np.float32)
+    sums[:] = 0.0
+    for start in range(first, last, BLOCK):
+        end = min(start + BLOCK, last)
+        count = fill_block(T, nearest, moving, planes, start, end, block)
+        add_block(block, count, cutoff, sums)
 
 
 @njit("void(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, error_model="numpy")
@@ -154,10 +210,6 @@ def add_equations(parts):
     for part in range(parts.shape[0]):
         for k in range(EQUATION_SUMS):
             total[k] += parts[part, k]
-    H, g, k = np.empty((6, 6)), np.empty(6), 0
-    for r in range(6):
-        g[r] = total[EQUATION_SUMS - 6 + r]
-        for c in range(r, 6):
-            H[r, c] = H[c, r] = total[k]
-            k += 1
+    H, g = np.empty((6, 6)), np.empty(6)
+    unpack_equations(total, H, g)
     return H, g

@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 
 from mpe_core.geometry.cell_list import CellList
+from mpe_core.kernels.motion_equations import EQUATION_SUMS
 from mpe_core.kernels.plane_descent import find_nearest, mark_unknown, step_on_planes
-from mpe_core.kernels.plane_equations import (
-    EQUATION_SUMS,
-    add_equations,
-    solve_allowed,
-    sum_equations,
-)
+from mpe_core.kernels.plane_equations import add_equations, solve_allowed, sum_equations
 from mpe_core.kernels.rigid_motion import update_pose
 
 CUTOFF, REACH = 0.2, 0.5
