@@ -12,26 +12,25 @@ MIN_PLANE_POINTS = 5
 
 
 @njit(
-    "UniTuple(float64, 6)(float64, float64, float64, float64, float64, float64)",
+    "UniTuple(float64, 4)(float64, float64, float64, float64, float64, float64)",
     cache=True,
     error_model="numpy",
 )
 def smallest_eigenvector(xx, xy, xz, yy, yz, zz):
-    """Solve a symmetric 3x3 eigenproblem in closed form (Smith 1961).
+    """Find the smallest eigenvalue of a symmetric 3x3 matrix in closed form (Smith 1961).
 
     Returns
     -------
-    The unit eigenvector of the smallest eigenvalue, and the eigenvalues in ascending order.
+    Its unit eigenvector, and the eigenvalue.
     """
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
     p = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
     if p <= 1e-16:
-        return 0.0, 0.0, 1.0, mean, mean, mean
+        return 0.0, 0.0, 1.0, mean
     a, b, c, d, e, f = a / p, b / p, c / p, xy / p, xz / p, yz / p
     half_det = 0.5 * (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))
     phi = np.arccos(min(1.0, max(-1.0, half_det))) / 3.0
-    high = mean + 2.0 * p * np.cos(phi)
     low = mean + 2.0 * p * np.cos(phi + 2.0943951023931953)
     # rows of (M - low I) span the plane of the other two axes: their cross product is the axis,
     # and the longest one is the most exact
@@ -44,7 +43,7 @@ def smallest_eigenvector(xx, xy, xz, yy, yz, zz):
         if length > longest:
             ax, ay, az, longest = cx, cy, cz, length
     scale = 1.0 / np.sqrt(max(longest, 1e-300))
-    return ax * scale, ay * scale, az * scale, low, 3.0 * mean - high - low, high
+    return ax * scale, ay * scale, az * scale, low
 
 
 @njit(
@@ -135,17 +134,13 @@ def local_planes(queries, radius, cells):
         if counts[i] >= MIN_PLANE_POINTS:
             share = 1.0 / k
             mx, my, mz = sx * share, sy * share, sz * share
-            ax, ay, az, low, middle, high = smallest_eigenvector(
-                xx * share - mx * mx,
-                xy * share - mx * my,
-                xz * share - mx * mz,
-                yy * share - my * my,
-                yz * share - my * mz,
-                zz * share - mz * mz,
+            vx, vy, vz = xx * share - mx * mx, yy * share - my * my, zz * share - mz * mz
+            ax, ay, az, low = smallest_eigenvector(
+                vx, xy * share - mx * my, xz * share - mx * mz, vy, yz * share - my * mz, vz
             )
             low = max(low, 0.0)
             normals[i, 0], normals[i, 1], normals[i, 2] = ax, ay, az
-            surface_variation[i] = low / max(low + middle + high, 1e-30)
+            surface_variation[i] = low / max(vx + vy + vz, 1e-30)
             plane_std[i] = np.sqrt(low)
             offsets[i] = mx * ax + my * ay + mz * az
             across = mx * mx + my * my + mz * mz - offsets[i] * offsets[i]
