@@ -19,8 +19,9 @@ from mpe_core.kernels.equal_steps import step_equations, step_lengths, unequal_s
 
 Array = NDArray[np.float64]
 
-EXTENT_POINTS = 10_000
-"""Points that middle and radius of the cloud are taken from."""
+USUAL_POINTS = 2000
+"""Points, or up to twice as many, that middle and radius of the cloud are taken from, and steps
+that tell their usual length."""
 
 RUNS, MAX_RUN = 8, 8192
 """Runs of points that are looked at, and their length."""
@@ -93,7 +94,7 @@ def infer_viewpoint(points: Array) -> InferredViewpoint | None:
     InferredViewpoint or None
         None where the order tells no place with certainty.
     """
-    some = take_every(points, EXTENT_POINTS)
+    some = take_every(points, USUAL_POINTS)
     centre = np.median(some, axis=0)
     radius = float(np.quantile(distances_from(some, centre), 0.98))
     if len(points) < MIN_TRIPLES or radius == 0:
@@ -120,7 +121,7 @@ def _telling_triples(points: Array, radius: float) -> Array | None:
     steps, changes = zip(
         *(step_lengths(points[start : start + length]) for start in starts), strict=True
     )
-    if np.median(steps) > MAX_STEP * radius:
+    if np.median(take_every(np.concatenate(steps), USUAL_POINTS)) > MAX_STEP * radius:
         return None
     bends = [
         2 * change > MIN_BEND * (step[1:] + step[:-1])

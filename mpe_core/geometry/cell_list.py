@@ -150,7 +150,7 @@ class CellList:
         self._grid = origin, max(self.reach, np.float32(edge))
         ordered, rows, bounds = bucket_order(points, self._grid)
         keys, self.starts, order = sort_bucket_cells(ordered, bounds, self._grid)
-        self.rows = rows[order]
+        self.rows = rows.take(order)
         """(M,) row of the given cloud of each row of `points`. The points of cell c are the rows
         starts[c]:starts[c + 1] of `points`."""
         self._columns = np.empty((3, len(points)), np.float32)
