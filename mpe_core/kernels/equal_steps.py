@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import float64, njit, types
+
+from mpe_core.kernels.bounds import POINTS64
 
 NEAREST = 1e-9
 """Least distance of a point from a place: one that lies there is seen in no direction."""
@@ -11,7 +13,7 @@ NO_STEP = 1e-12
 """What is added to the sum of two steps: three points may be seen in one direction."""
 
 
-@njit("UniTuple(float64[::1], 2)(float64[:, ::1])", cache=True)
+@njit(types.UniTuple(float64[::1], 2)(POINTS64), cache=True)
 def step_lengths(points):
     """Measure the steps from each of the points (N, 3) to the next one.
 
