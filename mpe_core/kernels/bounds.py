@@ -25,6 +25,7 @@ POINTS32 = types.Array(float32, 2, "C", readonly=True)
 )
 def bounding_box(points):
     """Return the lowest and the highest coordinates (2, 3) of points (N, 3) that are not NaN."""
+    # on one thread: half as long as `task_extents` on two, up to a million points
     lx = ly = lz = points.dtype.type(np.inf)
     hx = hy = hz = points.dtype.type(-np.inf)
     for i in range(points.shape[0]):

@@ -139,7 +139,7 @@ def bucket_cell_means(points, bounds, grid):
     Bucket b holds the rows bounds[b]:bounds[b + 1]; no cell has points in two buckets.
     """
     buckets = bounds.shape[0] - 1
-    if buckets == 1:
+    if buckets == 1:  # another thread would not help, and wait for this one
         return cell_means(points, grid)
     means = np.empty((points.shape[0], 3), np.float32)
     cells = np.zeros(buckets, np.int64)
@@ -199,7 +199,7 @@ def sort_bucket_cells(points, bounds, grid):
     Keys (cells,), starts (cells + 1,) of the cells in the rows, and rows (N,) cell by cell.
     """
     n, buckets = points.shape[0], bounds.shape[0] - 1
-    if buckets == 1:
+    if buckets == 1:  # as in `bucket_cell_means`
         keys, counts, rows = sort_cells(points, grid)
         starts = np.zeros(len(counts) + 1, np.int32)
         starts[1:] = np.cumsum(counts)

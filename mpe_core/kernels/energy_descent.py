@@ -9,7 +9,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from mpe_core.kernels.motion_equations import EQUATION_SUMS, solve_cholesky, unpack_equations
+from mpe_core.kernels.motion_equations import (
+    BLOCK,
+    EQUATION_SUMS,
+    NORMAL,
+    PLACE,
+    TERM_ROWS,
+    TO_NEAREST,
+    WEIGHT,
+    add_terms,
+    solve_cholesky,
+    unpack_equations,
+)
 from mpe_core.kernels.rigid_motion import update_pose
 
 F32, ZERO = np.float32, np.float32(0.0)
@@ -22,11 +33,8 @@ SCHEDULE = "Tuple((float32, float32, int64))"
 FAST = {"cache": True, "fastmath": True, "error_model": "numpy"}
 
 
-BLOCK = 64
-"""Points that are looked up before their terms are added."""
-BLOCK_ROWS = 11
-"""Numbers of a point in a block: its place and that of the nearest point from there, the normal of
-that, the cosine between both normals, and the smaller weight."""
+COSINE = TERM_ROWS
+"""Row of a block that holds the cosine between both normals."""
 
 
 @njit(
@@ -45,7 +53,8 @@ def fill_block(pose, source, target, lattice, first, block):
     first
         Row of the first point.
     block
-        (BLOCK_ROWS, BLOCK) receives a column for each point.
+        (COSINE + 1, BLOCK) receives the terms of the points, see `add_terms`, with the smaller
+        weight of both points for weights, and the cosines.
 
     Returns
     -------
@@ -72,93 +81,44 @@ def fill_block(pose, source, target, lattice, first, block):
         j = rows[ix, iy, iz]
         ax, ay, az = target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]
         sx, sy, sz = normals[i, 0], normals[i, 1], normals[i, 2]
-        block[0, k], block[1, k], block[2, k] = px, py, pz
-        block[3, k] = target_points[j, 0] - px
-        block[4, k] = target_points[j, 1] - py
-        block[5, k] = target_points[j, 2] - pz
-        block[6, k], block[7, k], block[8, k] = ax, ay, az
-        block[9, k] = (
+        block[PLACE, k], block[PLACE + 1, k], block[PLACE + 2, k] = px, py, pz
+        block[TO_NEAREST, k] = target_points[j, 0] - px
+        block[TO_NEAREST + 1, k] = target_points[j, 1] - py
+        block[TO_NEAREST + 2, k] = target_points[j, 2] - pz
+        block[NORMAL, k], block[NORMAL + 1, k], block[NORMAL + 2, k] = ax, ay, az
+        block[COSINE, k] = (
             ax * (r00 * sx + r01 * sy + r02 * sz)
             + ay * (r10 * sx + r11 * sy + r12 * sz)
             + az * (r20 * sx + r21 * sy + r22 * sz)
         )
-        block[10, k] = min(weights[i], target_weights[j])
+        block[WEIGHT, k] = min(weights[i], target_weights[j])
     return count
 
 
-@njit(
-    "float32(float32[:, ::1], int64, float32, float32, boolean, float32[::1])",
-    **FAST,
-)
-def add_block(block, count, eps2, tangential_weight, is_oriented, sums):
-    """Add the terms of the points of a block to the normal equations.
+@njit("float32(float32[:, ::1], int64, float32, boolean)", **FAST)
+def weigh_block(block, count, eps2, is_oriented):
+    """Write the weights of the terms of a block into its row of weights.
 
     Parameters
     ----------
     block, count
         Points as `fill_block` leaves them, and their number.
-    eps2, tangential_weight, is_oriented
+    eps2, is_oriented
         As in `normal_equations`.
-    sums
-        (27,) upper triangle of H, row by row, and g, to which the terms are added.
 
     Returns
     -------
     The sum of the points' scores.
     """
-    # Unrolled, over columns and without a lookup, so that the compiler turns it into vector
-    # instructions: three times as fast. It is the inner loop of the search.
-    x, y, z, nx, ny, nz = block[0], block[1], block[2], block[6], block[7], block[8]
-    to_x, to_y, to_z, cosine, weight = block[3], block[4], block[5], block[9], block[10]
-    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = ZERO
-    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = ZERO
-    g0 = g1 = g2 = g3 = g4 = g5 = score = ZERO
+    dx, dy, dz = block[TO_NEAREST], block[TO_NEAREST + 1], block[TO_NEAREST + 2]
+    weight, cosine = block[WEIGHT], block[COSINE]
+    score = ZERO
     for k in range(count):
-        px, py, pz, ax, ay, az = x[k], y[k], z[k], nx[k], ny[k], nz[k]
-        dx, dy, dz = to_x[k], to_y[k], to_z[k]
         agree = max(cosine[k], ZERO) if is_oriented else cosine[k]
-        pull = eps2 / (dx * dx + dy * dy + dz * dz + eps2)
+        pull = eps2 / (dx[k] * dx[k] + dy[k] * dy[k] + dz[k] * dz[k] + eps2)
         w = weight[k] * agree * agree * pull
         score += w
-        w *= pull
-        d = dx * ax + dy * ay + dz * az
-        cx, cy, cz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
-        wcx, wcy, wcz, wax, way, waz = w * cx, w * cy, w * cz, w * ax, w * ay, w * az
-        s = w * tangential_weight
-        spx, spy, spz = s * px, s * py, s * pz
-        h00 += wcx * cx + spy * py + spz * pz
-        h01 += wcx * cy - spx * py
-        h02 += wcx * cz - spx * pz
-        h03 += wcx * ax
-        h04 += wcx * ay - spz
-        h05 += wcx * az + spy
-        h11 += wcy * cy + spx * px + spz * pz
-        h12 += wcy * cz - spy * pz
-        h13 += wcy * ax + spz
-        h14 += wcy * ay
-        h15 += wcy * az - spx
-        h22 += wcz * cz + spx * px + spy * py
-        h23 += wcz * ax - spy
-        h24 += wcz * ay + spx
-        h25 += wcz * az
-        h33 += wax * ax + s
-        h34 += wax * ay
-        h35 += wax * az
-        h44 += way * ay + s
-        h45 += way * az
-        h55 += waz * az + s
-        g0 += wcx * d + s * (py * dz - pz * dy)
-        g1 += wcy * d + s * (pz * dx - px * dz)
-        g2 += wcz * d + s * (px * dy - py * dx)
-        g3 += wax * d + s * dx
-        g4 += way * d + s * dy
-        g5 += waz * d + s * dz
-    terms = (
-        *(h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15, h22, h23, h24, h25),
-        *(h33, h34, h35, h44, h45, h55, g0, g1, g2, g3, g4, g5),
-    )
-    for m in range(EQUATION_SUMS):
-        sums[m] += terms[m]
+        weight[k] = w * pull
     return score
 
 
@@ -183,12 +143,13 @@ def normal_equations(T, source, target, lattice, eps2, tangential_weight, is_ori
     -------
     The sum of the points' scores.
     """
-    pose, block = np.empty((3, 4), np.float32), np.empty((BLOCK_ROWS, BLOCK), np.float32)
+    pose, block = np.empty((3, 4), np.float32), np.empty((COSINE + 1, BLOCK), np.float32)
     pose[:] = T[:3]
-    sums, score = np.zeros(EQUATION_SUMS, np.float32), ZERO
+    sums, score = np.zeros(EQUATION_SUMS), ZERO
     for first in range(0, source[0].shape[0], BLOCK):
         count = fill_block(pose, source, target, lattice, first, block)
-        score += add_block(block, count, eps2, tangential_weight, is_oriented, sums)
+        score += weigh_block(block, count, eps2, is_oriented)
+        add_terms(block, count, tangential_weight, sums)
     unpack_equations(sums, H, g)
     return score
 

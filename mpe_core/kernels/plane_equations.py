@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mpe_core.kernels.motion_equations import EQUATION_SUMS, solve_cholesky, unpack_equations
+from mpe_core.kernels.motion_equations import (
+    BLOCK,
+    EQUATION_SUMS,
+    NORMAL,
+    PLACE,
+    TERM_ROWS,
+    TO_NEAREST,
+    WEIGHT,
+    add_terms,
+    solve_cholesky,
+    unpack_equations,
+)
 
 MOVING = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """Points (N, 3), and unit normals (N, 3) that point outwards, or (0, 3) if these are unknown."""
 PLANES = "Tuple((float32[:, ::1], float32[:, ::1]))"
 """A point (M, 3) of each plane in the order of the cells, and unit normals (M, 3)."""
-
-BLOCK = 64
-"""Points that are looked up before their terms are added."""
-BLOCK_ROWS = 7
-"""Numbers of a point in a block: its place, the normal of its plane, and its distance from that."""
 
 
 @njit("void(float64[:, ::1], float32[::1], float32[::1])", cache=True)
@@ -39,7 +45,7 @@ def fill_block(T, nearest, moving, planes, first, last, block):
     first, last
         Bounds of the points, at most BLOCK.
     block
-        (BLOCK_ROWS, BLOCK) takes a column for each such point.
+        (TERM_ROWS, BLOCK) takes the terms of each such point but their weights, see `add_terms`.
 
     Returns
     -------
@@ -64,79 +70,32 @@ def fill_block(T, nearest, moving, planes, first, last, block):
                 continue
         move_point(T, points[i], moved)
         px, py, pz = moved[0], moved[1], moved[2]
-        block[0, count], block[1, count], block[2, count] = px, py, pz
-        block[3, count], block[4, count], block[5, count] = x, y, z
-        block[6, count] = (feet[k, 0] - px) * x + (feet[k, 1] - py) * y + (feet[k, 2] - pz) * z
+        block[PLACE, count], block[PLACE + 1, count], block[PLACE + 2, count] = px, py, pz
+        block[TO_NEAREST, count] = feet[k, 0] - px
+        block[TO_NEAREST + 1, count] = feet[k, 1] - py
+        block[TO_NEAREST + 2, count] = feet[k, 2] - pz
+        block[NORMAL, count], block[NORMAL + 1, count], block[NORMAL + 2, count] = x, y, z
         count += 1
     return count
 
 
-@njit(
-    "void(float32[:, ::1], int64, float32, float64[::1])",
-    cache=True,
-    fastmath=True,
-    error_model="numpy",
-)
-def add_block(block, count, cutoff, sums):
-    """Add the terms of the points of a block to the normal equations.
+@njit("void(float32[:, ::1], int64, float32)", cache=True, fastmath=True, error_model="numpy")
+def weigh_block(block, count, cutoff):
+    """Write the weights of Tukey's biweight into the row of weights of a block.
 
     Parameters
     ----------
     block, count
         Points as `fill_block` leaves them, and their number.
     cutoff
-        Cut-off of Tukey's biweight.
-    sums
-        (27,) upper triangle of H and g, to which the terms are added.
+        Cut-off of the biweight.
     """
-    # unrolled and over columns on purpose, see `energy_descent.add_block`
-    points_x, points_y, points_z = block[0], block[1], block[2]
-    normals_x, normals_y, normals_z, distances = block[3], block[4], block[5], block[6]
-    zero, one = np.float32(0.0), np.float32(1.0)
-    h00 = h01 = h02 = h03 = h04 = h05 = h11 = h12 = h13 = h14 = h15 = zero
-    h22 = h23 = h24 = h25 = h33 = h34 = h35 = h44 = h45 = h55 = zero
-    g0 = g1 = g2 = g3 = g4 = g5 = zero
+    dx, dy, dz = block[TO_NEAREST], block[TO_NEAREST + 1], block[TO_NEAREST + 2]
+    x, y, z, weight = block[NORMAL], block[NORMAL + 1], block[NORMAL + 2], block[WEIGHT]
     for k in range(count):
-        px, py, pz = points_x[k], points_y[k], points_z[k]
-        x, y, z, d = normals_x[k], normals_y[k], normals_z[k], distances[k]
-        u = d / cutoff
-        rest = max(one - u * u, zero)
-        w = rest * rest
-        a, b, c = py * z - pz * y, pz * x - px * z, px * y - py * x
-        wa, wb, wc, wx, wy, wz, wd = w * a, w * b, w * c, w * x, w * y, w * z, w * d
-        h00 += wa * a
-        h01 += wa * b
-        h02 += wa * c
-        h03 += wa * x
-        h04 += wa * y
-        h05 += wa * z
-        h11 += wb * b
-        h12 += wb * c
-        h13 += wb * x
-        h14 += wb * y
-        h15 += wb * z
-        h22 += wc * c
-        h23 += wc * x
-        h24 += wc * y
-        h25 += wc * z
-        h33 += wx * x
-        h34 += wx * y
-        h35 += wx * z
-        h44 += wy * y
-        h45 += wy * z
-        h55 += wz * z
-        g0 += wd * a
-        g1 += wd * b
-        g2 += wd * c
-        g3 += wd * x
-        g4 += wd * y
-        g5 += wd * z
-    terms = (
-        *(h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15, h22, h23, h24, h25),
-        *(h33, h34, h35, h44, h45, h55, g0, g1, g2, g3, g4, g5),
-    )
-    for k in range(EQUATION_SUMS):
-        sums[k] += terms[k]
+        u = (dx[k] * x[k] + dy[k] * y[k] + dz[k] * z[k]) / cutoff
+        rest = max(np.float32(1.0) - u * u, np.float32(0.0))
+        weight[k] = rest * rest
 
 
 @njit(
@@ -159,12 +118,13 @@ def sum_equations(T, nearest, moving, planes, cutoff, first, last, sums):
     sums
         (27,) takes the upper triangle of H, row by row, and g.
     """
-    block = np.empty((BLOCK_ROWS, BLOCK), np.float32)
+    block = np.empty((TERM_ROWS, BLOCK), np.float32)
     sums[:] = 0.0
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
         count = fill_block(T, nearest, moving, planes, start, end, block)
-        add_block(block, count, cutoff, sums)
+        weigh_block(block, count, cutoff)
+        add_terms(block, count, np.float32(0.0), sums)
 
 
 @njit("void(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, error_model="numpy")

@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from mpe_core.geometry.rigid import apply, pose
 from mpe_core.kernels.distance_transform import nearest_point_index
-from mpe_core.kernels.energy_descent import BLOCK, descend_poses, normal_equations
+from mpe_core.kernels.energy_descent import descend_poses, normal_equations
+from mpe_core.kernels.motion_equations import BLOCK
 
 EPS, TANGENTIAL_WEIGHT = 0.2, 0.05
 
