@@ -36,6 +36,7 @@ from mpe_core.geometry.rigid import inverse
 from mpe_core.pipeline import PosePipeline
 from mpe_core.refine.minimum import Minimum
 from mpe_core.rigid_registration import MIN_EXCHANGE_RATIO, prepare_pair
+from mpe_core.search.levelled_effort import THOROUGH_LEVELLED
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import QUICK, THOROUGH, are_close
 from tests.factories.checks import pose_error
@@ -175,7 +176,10 @@ def _poses(pipeline: PosePipeline, truth: Array | None) -> list[ScoredPose]:
         pass
 
     coarse = [T for level in (QUICK, THOROUGH) for T in pipeline.search.find(level, ignore).poses]
-    coarse += list(pipeline.search.find_levelled(ignore).poses[:8])
+    levelled = pipeline.judge.levelled
+    if levelled is not None:
+        found = pipeline.search.find_levelled(levelled, THOROUGH_LEVELLED, ignore)
+        coarse += list(found.poses[:8])
     if truth is not None:
         coarse.append(truth)
     poses = [pipeline.refine(T) for T in coarse]

@@ -33,7 +33,7 @@ from mpe_core.refine.refiner import Refiner
 from mpe_core.refine.regime import Regime, choose_regime
 from mpe_core.refine.swapped import PlaneRefiner, SwappedPointToPlane
 from mpe_core.search.candidate_search import CandidateSearch
-from mpe_core.search.levelled_effort import LevelledEffort
+from mpe_core.search.levelled_effort import THOROUGH_LEVELLED, LevelledEffort
 from mpe_core.search.pose_prior import PosePrior
 from mpe_core.search.pose_search import SEARCH_LEVELS, Candidates, SearchLevel, are_close
 
@@ -156,11 +156,22 @@ class PosePipeline:
                 poses = self._search_turned(poses, progress)
             if self._has_convincing(poses, level):
                 break
+        while True:
+            best, *others = select_equal(self._in_order(poses))
+            if self._trial_score is not None:
+                return [best, *others]
+            finished = self.finish(best)
+            if finished.evidence is best.evidence or self._prior.initial is not None:
+                return [finished, *others]
+            rest = [pose for pose in poses if pose.minimum is not best.minimum]
+            poses = self.compare([finished, *rest])
+
+    def _in_order(self, poses: list[ScoredPose]) -> list[ScoredPose]:
+        """Order the poses, best first."""
         ordered = sorted(poses, key=lambda pose: pose.evidence.sort_key, reverse=True)
-        if self._prior.initial is not None:
-            ordered = self._prefer_near_start(self._prior.initial, ordered)
-        best, *others = select_equal(ordered)
-        return [best if self._trial_score is not None else self.finish(best), *others]
+        if self._prior.initial is None:
+            return ordered
+        return self._prefer_near_start(self._prior.initial, ordered)
 
     def _prefer_near_start(self, start: Array, ordered: list[ScoredPose]) -> list[ScoredPose]:
         """Order the poses and that next to the start: near ones first, within the given range."""
@@ -207,8 +218,9 @@ class PosePipeline:
     def _search_levelled(
         self, poses: list[ScoredPose], effort: LevelledEffort, progress: Progress
     ) -> list[ScoredPose]:
-        """Add the poses of a levelled search."""
-        if self.judge.levelled is None:
+        """Add the poses of a levelled search, last where the ground does not stand out."""
+        is_last = effort is THOROUGH_LEVELLED
+        if not (self.judge.ground_stands_out or is_last) or self.judge.levelled is None:
             return poses
         with progress.stage("search") as report:
             candidates = self.search.find_levelled(self.judge.levelled, effort, report)
@@ -245,9 +257,17 @@ class PosePipeline:
         return [ScoredPose(minimum, self.judge.scorer.score(minimum.T)) for minimum in minima]
 
     def finish(self, pose: ScoredPose) -> ScoredPose:
-        """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was."""
+        """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was.
+
+        One whose minimum lies elsewhere was still on its way: it is measured there, by itself.
+        """
         sharp = _moved(pose, self.refiner.sharpen(pose.minimum))
-        return sharp if sharp.minimum is not pose.minimum else self._settle(pose)
+        if sharp.minimum is not pose.minimum or pose.minimum.converged:
+            return sharp
+        settled = self.refiner.settle(pose.minimum)
+        if are_close(settled.T, pose.minimum.T):
+            return replace(pose, minimum=settled)
+        return ScoredPose(settled, self.judge.scorer.score(settled.T))
 
     def _settle(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose that ran out of steps to its minimum."""

@@ -12,6 +12,7 @@ from mpe_core.assess.layer_match import LayerMatch
 from mpe_core.assess.rivals import ScoredPose
 from mpe_core.assess.score import PoseScorer
 from mpe_core.clouds.full_sight import FullSight, find_full_sight
+from mpe_core.clouds.ground import stands_out
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.swapped import PlaneRefiner
@@ -72,6 +73,15 @@ class Judge:
             return None
         return level_clouds(self.source, self.target)
 
+    @cached_property
+    def ground_stands_out(self) -> bool:
+        """Whether the grounds, if there are any, stand out among the planes of both clouds.
+
+        Else each may as well lie on another side, and the view from above is no evidence.
+        """
+        surfaces = self.source.surface, self.target.surface
+        return all(stands_out(surface.points, surface.normals) for surface in surfaces)
+
     def with_layer_support(self, poses: Sequence[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""
         if len(poses) < 2 or self._layers is None:  # one by itself is the best
@@ -86,7 +96,9 @@ class Judge:
 
     @cached_property
     def _layers(self) -> LayerMatch | None:
-        return None if self.levelled is None else LayerMatch(self.levelled)
+        if not self.ground_stands_out or self.levelled is None:
+            return None
+        return LayerMatch(self.levelled)
 
     def from_full_sight(self) -> Judge | None:
         """Return a judge with places of full sight for viewpoints.
@@ -94,7 +106,9 @@ class Judge:
         None unless both clouds show their ground, have such places, and no viewpoints are known.
         """
         clouds = self.source, self.target
-        if self.levelled is None or any(cloud.viewpoints is not None for cloud in clouds):
+        if any(cloud.viewpoints is not None for cloud in clouds):
+            return None
+        if not self.ground_stands_out or self.levelled is None:
             return None
         grounds = self.levelled.source[0].ground, self.levelled.target.ground
         x = find_full_sight(self.source.surface, grounds[0])

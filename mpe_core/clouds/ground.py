@@ -32,7 +32,7 @@ EXTREMAL_WEIGHT = 1 / 0.3
 
 SLAB_HEIGHT, MIN_SLAB_SHARE = 0.03, 0.085
 """Height of a slab across the commonest normal, in radii of the smaller cloud, and the share of the
-points that one holds in clouds with a ground: a test of 0.3 ms (docs/tuning.md)."""
+points that one holds where a ground stands out: a test of 0.3 ms (docs/tuning.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +65,11 @@ class Ground:
         return Ground(-self.up, -top, share, True)
 
 
-def may_have_ground(points: NDArray[np.float32], normals: NDArray[np.float32]) -> bool:
-    """Tell quickly whether a plane may dominate points (N, 3) with these normals (N, 3)."""
+def stands_out(points: NDArray[np.float32], normals: NDArray[np.float32]) -> bool:
+    """Tell quickly whether a plane dominates points (N, 3) with these normals (N, 3).
+
+    The floor of a room does not: its walls have as many normals.
+    """
     n = normals.astype(np.float64)
     _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", n, n))
     height = np.einsum("ni,i->n", points.astype(np.float64), axes[:, -1])

@@ -10,40 +10,65 @@ from mpe_core.kernels.cell_list import CELLS, NEIGHBOR_STEPS, column_run, locate
 MIN_PLANE_POINTS = 5
 """Fewest points that a plane is fitted to."""
 
+MIN_SPREAD = 1e-16
+"""Spread of the eigenvalues up to which all axes are alike."""
+
+BLOCK = 64
+"""Queries whose moments are summed before their planes are fitted (docs/tuning.md)."""
+
 
 @njit(
-    "UniTuple(float64, 4)(float64, float64, float64, float64, float64, float64)",
+    "void(float64[:, ::1], float64[:, ::1])",
     cache=True,
+    fastmath={"contract"},
     error_model="numpy",
 )
-def smallest_eigenvector(xx, xy, xz, yy, yz, zz):
-    """Find the smallest eigenvalue of a symmetric 3x3 matrix in closed form (Smith 1961).
+def smallest_eigenvectors(matrices, axes):
+    """Find the smallest eigenvalues of symmetric 3x3 matrices in closed form (Smith 1961).
 
-    Returns
-    -------
-    Its unit eigenvector, and the eigenvalue.
+    Parameters
+    ----------
+    matrices
+        (6, N) upper triangles: xx, xy, xz, yy, yz, zz.
+    axes
+        (4, N) is overwritten by the unit eigenvectors and, in the last row, the eigenvalues.
     """
-    mean = (xx + yy + zz) / 3.0
-    a, b, c = xx - mean, yy - mean, zz - mean
-    p = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
-    if p <= 1e-16:
-        return 0.0, 0.0, 1.0, mean
-    a, b, c, d, e, f = a / p, b / p, c / p, xy / p, xz / p, yz / p
-    half_det = 0.5 * (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))
-    phi = np.arccos(min(1.0, max(-1.0, half_det))) / 3.0
-    low = mean + 2.0 * p * np.cos(phi + 2.0943951023931953)
-    # rows of (M - low I) span the plane of the other two axes: their cross product is the axis,
-    # and the longest one is the most exact
-    ax, ay, az, longest = 0.0, 0.0, 1.0, -1.0
-    rows = ((xx - low, xy, xz), (xy, yy - low, yz), (xz, yz, zz - low))
-    for k in range(3):
-        (ux, uy, uz), (vx, vy, vz) = rows[k], rows[(k + 1) % 3]
-        cx, cy, cz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = cx * cx + cy * cy + cz * cz
-        if length > longest:
-            ax, ay, az, longest = cx, cy, cz, length
-    scale = 1.0 / np.sqrt(max(longest, 1e-300))
-    return ax * scale, ay * scale, az * scale, low
+    # loops over columns, without a branch: the compiler turns all but the one with the cosines into
+    # vector instructions
+    n = matrices.shape[1]
+    xx, xy, xz = matrices[0], matrices[1], matrices[2]
+    yy, yz, zz = matrices[3], matrices[4], matrices[5]
+    x, y, z, low = axes[0], axes[1], axes[2], axes[3]
+    mean, spread, half_det = np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        mean[i] = (xx[i] + yy[i] + zz[i]) / 3.0
+        a, b, c, d, e, f = xx[i] - mean[i], yy[i] - mean[i], zz[i] - mean[i], xy[i], xz[i], yz[i]
+        p = np.sqrt((a * a + b * b + c * c + 2.0 * (d * d + e * e + f * f)) / 6.0)
+        share = 1.0 / max(p, MIN_SPREAD)
+        a, b, c, d, e, f = a * share, b * share, c * share, d * share, e * share, f * share
+        half = 0.5 * (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))
+        spread[i], half_det[i] = p, min(1.0, max(-1.0, half))
+    for i in range(n):
+        angle = np.arccos(half_det[i]) / 3.0 + 2.0943951023931953
+        low[i] = mean[i] + 2.0 * spread[i] * np.cos(angle)
+    for i in range(n):
+        # rows of (M - low I) span the plane of the other two axes: their cross product is the axis,
+        # and the longest one is the most exact
+        a, b, c, d, e, f = xx[i] - low[i], yy[i] - low[i], zz[i] - low[i], xy[i], xz[i], yz[i]
+        ux, uy, uz = d * f - e * b, e * d - a * f, a * b - d * d
+        vx, vy, vz = b * c - f * f, f * e - d * c, d * f - b * e
+        wx, wy, wz = f * e - c * d, c * a - e * e, e * d - f * a
+        u, v, w = (
+            ux * ux + uy * uy + uz * uz,
+            vx * vx + vy * vy + vz * vz,
+            wx * wx + wy * wy + wz * wz,
+        )
+        ux, uy, uz, u = (vx, vy, vz, v) if v > u else (ux, uy, uz, u)
+        ux, uy, uz, u = (wx, wy, wz, w) if w > u else (ux, uy, uz, u)
+        scale, is_ball = 1.0 / np.sqrt(max(u, 1e-300)), spread[i] <= MIN_SPREAD
+        x[i] = 0.0 if is_ball else ux * scale
+        y[i] = 0.0 if is_ball else uy * scale
+        z[i] = 1.0 if is_ball else uz * scale
 
 
 @njit(
@@ -78,6 +103,48 @@ def neighborhood_moments(qx, qy, qz, limit, px, py, pz):
         yz += wy * dz
         zz += wz * dz
     return k, sx, sy, sz, xx, xy, xz, yy, yz, zz
+
+
+@njit(
+    "void(float32[:, ::1], float32[:, ::1], float32[::1], float32[::1], int32[::1], float32[::1],"
+    " float32[::1])",
+    cache=True,
+    fastmath={"contract"},
+    error_model="numpy",
+)
+def planes_of_moments(moments, normals, variation, plane_std, counts, offsets, mean_shifts):
+    """Fit planes to neighborhoods with the moments (10, N or more) of `neighborhood_moments`.
+
+    The others, (N, 3) and (N,), are overwritten by what `local_planes` returns; what belongs to
+    fewer than MIN_PLANE_POINTS points is left.
+    """
+    n = counts.shape[0]
+    k, sx, sy, sz = moments[0], moments[1], moments[2], moments[3]
+    covariances, axes = np.empty((6, n)), np.empty((4, n))
+    xx, xy, xz = covariances[0], covariances[1], covariances[2]
+    yy, yz, zz = covariances[3], covariances[4], covariances[5]
+    for i in range(n):
+        share = 1.0 / max(k[i], np.float32(1.0))
+        mx, my, mz = sx[i] * share, sy[i] * share, sz[i] * share
+        xx[i] = moments[4, i] * share - mx * mx
+        xy[i] = moments[5, i] * share - mx * my
+        xz[i] = moments[6, i] * share - mx * mz
+        yy[i] = moments[7, i] * share - my * my
+        yz[i] = moments[8, i] * share - my * mz
+        zz[i] = moments[9, i] * share - mz * mz
+    smallest_eigenvectors(covariances, axes)
+    for i in range(n):
+        counts[i] = np.int32(k[i])
+        if counts[i] >= MIN_PLANE_POINTS:
+            share = 1.0 / k[i]
+            mx, my, mz = sx[i] * share, sy[i] * share, sz[i] * share
+            ax, ay, az, low = axes[0, i], axes[1, i], axes[2, i], max(axes[3, i], 0.0)
+            normals[i, 0], normals[i, 1], normals[i, 2] = ax, ay, az
+            variation[i] = low / max(xx[i] + yy[i] + zz[i], 1e-30)
+            plane_std[i] = np.sqrt(low)
+            offsets[i] = mx * ax + my * ay + mz * az
+            across = mx * mx + my * my + mz * mz - offsets[i] * offsets[i]
+            mean_shifts[i] = np.sqrt(max(across, 0.0))
 
 
 @njit(
@@ -117,32 +184,32 @@ def local_planes(queries, radius, cells):
     limit = radius * radius
     columns = cells[0]
     x, y, z = columns[0], columns[1], columns[2]
-    for i in prange(n):
-        qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        place = locate(qx, qy, qz, cells)
-        k = sx = sy = sz = np.float32(0.0)
-        xx = xy = xz = yy = yz = zz = np.float32(0.0)
-        for step_x in NEIGHBOR_STEPS:
-            for step_y in NEIGHBOR_STEPS:
-                a, b = column_run(place, step_x, step_y, limit, cells)
-                if a < b:
-                    m = neighborhood_moments(qx, qy, qz, limit, x[a:b], y[a:b], z[a:b])
-                    k, sx, sy, sz = k + m[0], sx + m[1], sy + m[2], sz + m[3]
-                    xx, xy, xz = xx + m[4], xy + m[5], xz + m[6]
-                    yy, yz, zz = yy + m[7], yz + m[8], zz + m[9]
-        counts[i] = np.int32(k)
-        if counts[i] >= MIN_PLANE_POINTS:
-            share = 1.0 / k
-            mx, my, mz = sx * share, sy * share, sz * share
-            vx, vy, vz = xx * share - mx * mx, yy * share - my * my, zz * share - mz * mz
-            ax, ay, az, low = smallest_eigenvector(
-                vx, xy * share - mx * my, xz * share - mx * mz, vy, yz * share - my * mz, vz
-            )
-            low = max(low, 0.0)
-            normals[i, 0], normals[i, 1], normals[i, 2] = ax, ay, az
-            surface_variation[i] = low / max(vx + vy + vz, 1e-30)
-            plane_std[i] = np.sqrt(low)
-            offsets[i] = mx * ax + my * ay + mz * az
-            across = mx * mx + my * my + mz * mz - offsets[i] * offsets[i]
-            mean_shifts[i] = np.sqrt(max(across, 0.0))
+    for block in prange((n + BLOCK - 1) // BLOCK):
+        first, last = block * BLOCK, min(n, (block + 1) * BLOCK)
+        moments = np.empty((10, BLOCK), np.float32)
+        for i in range(first, last):
+            qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
+            place = locate(qx, qy, qz, cells)
+            k = sx = sy = sz = np.float32(0.0)
+            xx = xy = xz = yy = yz = zz = np.float32(0.0)
+            for step_x in NEIGHBOR_STEPS:
+                for step_y in NEIGHBOR_STEPS:
+                    a, b = column_run(place, step_x, step_y, limit, cells)
+                    if a < b:
+                        m = neighborhood_moments(qx, qy, qz, limit, x[a:b], y[a:b], z[a:b])
+                        k, sx, sy, sz = k + m[0], sx + m[1], sy + m[2], sz + m[3]
+                        xx, xy, xz = xx + m[4], xy + m[5], xz + m[6]
+                        yy, yz, zz = yy + m[7], yz + m[8], zz + m[9]
+            sums = (k, sx, sy, sz, xx, xy, xz, yy, yz, zz)
+            for r in range(10):
+                moments[r, i - first] = sums[r]
+        planes_of_moments(
+            moments,
+            normals[first:last],
+            surface_variation[first:last],
+            plane_std[first:last],
+            counts[first:last],
+            offsets[first:last],
+            mean_shifts[first:last],
+        )
     return normals, surface_variation, plane_std, counts, offsets, mean_shifts

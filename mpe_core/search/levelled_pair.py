@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mpe_core.clouds.ground import find_ground, may_have_ground
+from mpe_core.clouds.ground import find_ground
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.geometry.cell_list import Points
 from mpe_core.search.levelled_cloud import LevelledCloud, is_level
@@ -43,10 +43,7 @@ class LevelledPair:
 
 def level_clouds(source: PreparedCloud, target: PreparedCloud) -> LevelledPair | None:
     """Look at both clouds from above; None unless both show a ground."""
-    surfaces = source.surface, target.surface
-    if not all(may_have_ground(surface.points, surface.normals) for surface in surfaces):
-        return None
-    x, y = (_within_reach(surface.points) for surface in surfaces)
+    x, y = (_within_reach(cloud.surface.points) for cloud in (source, target))
     ground_x = find_ground(x)
     if ground_x.share < MIN_GROUND_SHARE:
         return None
