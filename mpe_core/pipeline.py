@@ -161,7 +161,7 @@ class PosePipeline:
             if self._trial_score is not None:
                 return [best, *others]
             finished = self.finish(best)
-            if finished.evidence is best.evidence or self._prior.initial is not None:
+            if finished.evidence is best.evidence:
                 return [finished, *others]
             rest = [pose for pose in poses if pose.minimum is not best.minimum]
             poses = self.compare([finished, *rest])
@@ -218,9 +218,9 @@ class PosePipeline:
     def _search_levelled(
         self, poses: list[ScoredPose], effort: LevelledEffort, progress: Progress
     ) -> list[ScoredPose]:
-        """Add the poses of a levelled search, last where the ground does not stand out."""
-        is_last = effort is THOROUGH_LEVELLED
-        if not (self.judge.ground_stands_out or is_last) or self.judge.levelled is None:
+        """Add the poses of a levelled search; rooms, whose floor is one plane of many, get the last."""
+        may_be_room = effort is THOROUGH_LEVELLED and self.judge.shows_rooms
+        if not (self.judge.ground_stands_out or may_be_room) or self.judge.levelled is None:
             return poses
         with progress.stage("search") as report:
             candidates = self.search.find_levelled(self.judge.levelled, effort, report)
@@ -259,7 +259,8 @@ class PosePipeline:
     def finish(self, pose: ScoredPose) -> ScoredPose:
         """Bring a pose to its end, as exact as it gets; what speaks for it stays what it was.
 
-        One whose minimum lies elsewhere was still on its way: it is measured there, by itself.
+        One whose minimum lies elsewhere was still on its way: it is measured there, by itself,
+        unless the caller said where it is.
         """
         sharp = _moved(pose, self.refiner.sharpen(pose.minimum))
         if sharp.minimum is not pose.minimum or pose.minimum.converged:
@@ -267,6 +268,8 @@ class PosePipeline:
         settled = self.refiner.settle(pose.minimum)
         if are_close(settled.T, pose.minimum.T):
             return replace(pose, minimum=settled)
+        if self._prior.initial is not None:
+            return pose
         return ScoredPose(settled, self.judge.scorer.score(settled.T))
 
     def _settle(self, pose: ScoredPose) -> ScoredPose:

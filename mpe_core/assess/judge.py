@@ -16,6 +16,7 @@ from mpe_core.clouds.ground import stands_out
 from mpe_core.clouds.preprocess import PreparedCloud
 from mpe_core.refine.regime import Regime
 from mpe_core.refine.swapped import PlaneRefiner
+from mpe_core.search.box_turns import box_turns
 from mpe_core.search.levelled_pair import LevelledPair, level_clouds
 
 
@@ -81,6 +82,11 @@ class Judge:
         """
         surfaces = self.source.surface, self.target.surface
         return all(stands_out(surface.points, surface.normals) for surface in surfaces)
+
+    @cached_property
+    def shows_rooms(self) -> bool:
+        """Whether both clouds lie along three directions at right angles, as walls do."""
+        return all(len(box_turns(cloud.surface)) for cloud in (self.source, self.target))
 
     def with_layer_support(self, poses: Sequence[ScoredPose]) -> list[ScoredPose]:
         """Compare the poses as seen from above with the best of them."""

@@ -7,11 +7,13 @@ pytest.importorskip("open3d")
 from scipy.spatial import KDTree
 
 from benchmarks.worlds.families import FAMILIES
-from benchmarks.worlds.pairs import foreign_pairs, world_pairs
+from benchmarks.worlds.pairs import foreign_pairs, world_pair, world_pairs
 from benchmarks.worlds.scanners import terrestrial
 from benchmarks.worlds.scene import Scene
+from mpe_core import register
 from mpe_core.assess.free_space import FreeSpace
 from mpe_core.geometry.rigid import apply
+from tests.factories.checks import assert_pose_close
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +73,23 @@ def test_a_box_hides_what_is_behind_it():
     # 3 mm of noise
     assert ahead[:, 0].min() == pytest.approx(4.5, abs=0.02)
     assert ahead[:, 0].max() < 5.6
+
+
+@pytest.mark.parametrize(
+    ("family", "number"),
+    [
+        ("room_stations", 19005),  # a floor that does not stand out, searched levelled
+        ("room_frames", 19005),  # the best pose is on its way when its steps run out
+    ],
+)
+def test_rooms_that_were_wrong_are_right(family, number):
+    pair = world_pair(family, number)
+    found = register(pair.source, pair.target)
+    assert found.accepted
+    assert_pose_close(
+        found.T_target_source,
+        pair.T_target_source,
+        pair.source,
+        degrees=pair.max_rotation_deg,
+        shift=pair.max_translation,
+    )

@@ -59,6 +59,20 @@ def test_the_pose_is_found_by_the_first_level(steps):
     assert not others
 
 
+def test_a_pose_on_its_way_is_measured_at_its_minimum(steps):
+    poses = steps.run(Progress(None))
+    on_its_way = steps.refiner.refine_all(TRUTH[None])[0]
+    turned = pose(axis_rotation(np.array([0, 0, 1.0]), np.radians(12)), np.zeros(3)) @ TRUTH
+    early = ScoredPose(Minimum(turned, False, 3), poses[0].evidence)
+    finished = steps.finish(early)
+    assert rotation_error(finished.minimum.T, on_its_way.T) < 0.5
+    assert finished.evidence is not early.evidence
+    assert finished.evidence.contrast is None
+    assert finished.evidence.on_surface_fraction == pytest.approx(
+        poses[0].evidence.on_surface_fraction, abs=0.02
+    )
+
+
 def test_a_pose_that_convinces_ends_the_search(steps, monkeypatch):
     assert levels_searched(steps, monkeypatch, 1.0) == [SEARCH_LEVELS[0]]
 
