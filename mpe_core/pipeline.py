@@ -218,7 +218,7 @@ class PosePipeline:
     def _search_levelled(
         self, poses: list[ScoredPose], effort: LevelledEffort, progress: Progress
     ) -> list[ScoredPose]:
-        """Add the poses of a levelled search; rooms, whose floor is one plane of many, get the last."""
+        """Add the poses of a levelled search; where no ground stands out, of rooms alone, last."""
         may_be_room = effort is THOROUGH_LEVELLED and self.judge.shows_rooms
         if not (self.judge.ground_stands_out or may_be_room) or self.judge.levelled is None:
             return poses
