@@ -61,11 +61,11 @@ def test_the_pose_is_found_by_the_first_level(steps):
 
 def test_a_pose_on_its_way_is_measured_at_its_minimum(steps):
     poses = steps.run(Progress(None))
-    on_its_way = steps.refiner.refine_all(TRUTH[None])[0]
+    reached = steps.refiner.refine_all(TRUTH[None])[0]
     turned = pose(axis_rotation(np.array([0, 0, 1.0]), np.radians(12)), np.zeros(3)) @ TRUTH
     early = ScoredPose(Minimum(turned, False, 3), poses[0].evidence)
     finished = steps.finish(early)
-    assert rotation_error(finished.minimum.T, on_its_way.T) < 0.5
+    assert rotation_error(finished.minimum.T, reached.T) < 0.5
     assert finished.evidence is not early.evidence
     assert finished.evidence.contrast is None
     assert finished.evidence.on_surface_fraction == pytest.approx(
