@@ -8,6 +8,7 @@ from benchmarks.experiment import main
 from benchmarks.families import FAMILIES_EXPERIMENT
 from benchmarks.free_space import FREE_SPACE_EXPERIMENT
 from benchmarks.held_out import HELD_OUT
+from benchmarks.hidden_shape import HIDDEN_SHAPE
 from benchmarks.kernels import KERNELS
 from benchmarks.kinds.experiment import KINDS_EXPERIMENT
 from benchmarks.left_out import LEFT_OUT
@@ -36,6 +37,7 @@ if __name__ == "__main__":
             CLOSURE,
             CONFIDENCE,
             CALIBRATION,
+            HIDDEN_SHAPE,
             SCALING,
             THREADS,
             LOAD,

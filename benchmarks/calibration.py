@@ -41,7 +41,7 @@ def _real() -> Iterator[Result]:
     for number, pair in enumerate(json.loads((DATA / "pairs.json").read_text())):
         trial = real_trial(DATA, pair, seed=0)
         for noise in (CLEAN, *NOISES):
-            x, y = _noisy(trial.source, trial.target, noise, rng)
+            x, y = noisy(trial.source, trial.target, noise, rng)
             centered, pipeline = pipeline_of(x, y)
             found = pipeline.refine(centered.from_caller(trial.T_target_source))
             T = centered.to_caller(found.minimum.T)
@@ -55,13 +55,13 @@ def _foreign() -> Iterator[Result]:
     rng = np.random.default_rng(1)
     for number, (name, source, target) in enumerate(impossible_pairs(IMPOSSIBLE)):
         for noise in (CLEAN, NOISES[number // 2 % len(NOISES)]):
-            x, y = _noisy(source, target, noise, rng)
+            x, y = noisy(source, target, noise, rng)
             centered, pipeline = pipeline_of(x, y)
             T = centered.from_caller(register(x, y).T_target_source)
             yield _row(name, number, noise, pipeline.score(T), right=False)
 
 
-def _noisy(
+def noisy(
     source: Array, target: Array, noise: tuple[float, float], rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Return both clouds with Gaussian noise, in radii of the smaller one."""

@@ -286,7 +286,7 @@ def fit(cases: Sequence[Poses]) -> Fit:
                 X.append(case.X[rows])
                 right.append(case.right[rows])
                 weight.append(count * share / share.sum())
-        score = _logistic(np.vstack(X), np.concatenate(right), np.concatenate(weight), RIDGE)
+        score = logistic(np.vstack(X), np.concatenate(right), np.concatenate(weight), RIDGE)
     best, is_right = [], []
     for case in cases:
         reached = case.X @ score[:-1] + score[-1]
@@ -295,7 +295,7 @@ def fit(cases: Sequence[Poses]) -> Fit:
         is_right.append(case.right[row])
     flags = np.array(is_right)
     weight_of = np.where(flags, 1.0, WRONG_COUNTS)
-    return Fit(score, _logistic(np.array(best), flags, weight_of, RIDGE_OF_BEST))
+    return Fit(score, logistic(np.array(best), flags, weight_of, RIDGE_OF_BEST))
 
 
 def _of_best(poses: Poses, score: Array, row: int) -> Array:
@@ -303,7 +303,7 @@ def _of_best(poses: Poses, score: Array, row: int) -> Array:
     return np.array([score[row], contrast_with(poses.apart[row], row, score, poses.on_surface)])
 
 
-def _logistic(X: Array, right: NDArray[np.bool_], weight: Array, ridge: float) -> Array:
+def logistic(X: Array, right: NDArray[np.bool_], weight: Array, ridge: float) -> Array:
     """(M + 1,) weights and intercept of the logistic model of rows (N, M)."""
 
     def loss(b: Array) -> float:
@@ -354,7 +354,7 @@ def table(result: Result) -> str:
             + "\n\n### Each family left out\n\n"
             + markdown(COLUMNS, _by_family(left_out(cases)))
             + "\n\n### Reliability\n\n"
-            + markdown(("confidence", "poses", "right"), _reliability(left_out(cases)))
+            + markdown(("confidence", "poses", "right"), reliability(left_out(cases)))
         )
     parts.append(
         "## Where the shape is hidden\n\nBy noise, in one plane, or by few points; judged by the"
@@ -381,7 +381,7 @@ def _where_shape_is_hidden(rows: Sequence[Result]) -> list[list[object]]:
                     "odds": scores[row],
                 }
             )
-        lines.append(_verdicts(name, judged))
+        lines.append(verdicts(name, judged))
     return lines
 
 
@@ -396,15 +396,16 @@ BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
 def _ablation(rows: Sequence[Result], seen: bool, name: str) -> list[object]:
     cases = poses_of(rows, seen=seen, without=WITHOUT[name])
-    return _verdicts(name, left_out(cases, contrast="contrast" not in WITHOUT[name]))
+    return verdicts(name, left_out(cases, contrast="contrast" not in WITHOUT[name]))
 
 
 def _by_family(judged: Sequence[Result]) -> list[list[object]]:
     families = dict.fromkeys(row["family"] for row in judged)
-    return [_verdicts(name, [row for row in judged if row["family"] == name]) for name in families]
+    return [verdicts(name, [row for row in judged if row["family"] == name]) for name in families]
 
 
-def _verdicts(name: str, judged: Sequence[Result]) -> list[object]:
+def verdicts(name: str, judged: Sequence[Result]) -> list[object]:
+    """Line of a table under COLUMNS, of best poses with their log odds."""
     right = np.array([row["right"] for row in judged])
     odds = np.array([row["odds"] for row in judged])
     possible = sum(row["possible"] for row in judged)
@@ -419,7 +420,8 @@ def _verdicts(name: str, judged: Sequence[Result]) -> list[object]:
     ]
 
 
-def _reliability(judged: Sequence[Result]) -> list[list[object]]:
+def reliability(judged: Sequence[Result]) -> list[list[object]]:
+    """Lines of a table: confidences, best poses that have them, and the share that is right."""
     confidence = np.array([1 / (1 + np.exp(-row["odds"])) for row in judged])
     right = np.array([row["right"] for row in judged])
     lines: list[list[object]] = []

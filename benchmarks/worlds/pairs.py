@@ -68,8 +68,7 @@ def foreign_pairs(count: int, first: int = 0) -> Iterator[WorldPair]:
     """Yield `count` pairs of each family whose scans show two worlds of the same kind."""
     for family in FAMILIES:
         for number in range(first, first + count):
-            scans = [_scans(family, [number, 1000 + k], [number, 2000])[k] for k in range(2)]
-            yield _moved(f"{family} {number} foreign", family, scans, number, is_foreign=True)
+            yield foreign_pair(family, number)
 
 
 def world_pair(family: str, number: int) -> WorldPair:
@@ -80,6 +79,12 @@ def world_pair(family: str, number: int) -> WorldPair:
         if pair.overlap >= MIN_OVERLAP:
             break
     return pair
+
+
+def foreign_pair(family: str, number: int) -> WorldPair:
+    """Return the pair of two worlds of a family with this number; always the same."""
+    scans = [_scans(family, [number, 1000 + k], [number, 2000])[k] for k in range(2)]
+    return _moved(f"{family} {number} foreign", family, scans, number, is_foreign=True)
 
 
 def _scans(family: str, world: list[int], scanner: list[int]) -> list[Scan]:

@@ -29,7 +29,7 @@ class Model:
     layers: float
     """Fall with what lacks to CONVINCING_LAYER_SUPPORT."""
     intercept: float
-    best: tuple[float, float, float] | None = None
+    best: tuple[float, float, float]
     """Weights of score and contrast, and intercept, of the best of several poses."""
 
 
@@ -54,11 +54,20 @@ SEEN_MODEL = Model(
 )
 """The same where both viewpoints are known (docs/results/families.md)."""
 
-NOISY_MODEL = Model(agreement=18.6, coverage=6.6, layers=5.0, intercept=-18.7)
+BEST_OF_HIDDEN = (0.19, 0.91, -3.25)
+"""Weights of score and contrast, and intercept, of the best of several poses where the shape is
+hidden: flat sides fit at many poses (docs/results/hidden_shape.md)."""
+
+NOISY_MODEL = Model(agreement=18.6, coverage=6.6, layers=5.0, intercept=-18.7, best=BEST_OF_HIDDEN)
 """Where noise hides the shape; fitted to shared pairs with noise (docs/results/calibration.md)."""
 
 NOISY_SEEN_MODEL = Model(
-    agreement=20.0, small_coverage=1.5, violation=20.0, layers=5.0, intercept=-12.2
+    agreement=20.0,
+    small_coverage=1.5,
+    violation=20.0,
+    layers=5.0,
+    intercept=-12.2,
+    best=BEST_OF_HIDDEN,
 )
 """Where noise hides the shape, but both viewpoints are known (docs/tuning.md)."""
 
@@ -67,6 +76,10 @@ MAX_CONTRAST = 6.0
 
 CONTRAST_OF_LEAD = 15.0
 """Contrast that a lead of 1 stands for (docs/tuning.md)."""
+
+WHOLE_AGREEMENT, WHOLE_COVERAGE, CONTRAST_OF_WHOLE = 0.95, 0.99, 3.0
+"""Agreement and coverage from which on a cloud whose shape is hidden fits as a whole, and its least
+contrast: a ball or a cube has several right poses (docs/tuning.md)."""
 
 ENOUGH_COVERAGE, MIN_COVERAGE = 0.3, 0.01
 """Coverage from which on more says nothing, and its least value."""
@@ -124,8 +137,10 @@ class Evidence:
         """Logarithm of the odds that the pose is right."""
         excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
         odds, best = self.score, self._model.best
-        if self.contrast is not None and best is not None:
+        if self.contrast is not None:
             contrast = MAX_CONTRAST if self.explains_all else min(self.contrast, MAX_CONTRAST)
+            if self.shape_correlation is None and self.fits_whole:
+                contrast = max(contrast, CONTRAST_OF_WHOLE)
             odds = best[0] * odds + best[1] * contrast + best[2]
         return odds - (2 + self.degenerate_dof) * float(np.log(excess))
 
@@ -161,6 +176,11 @@ class Evidence:
         )
 
     @property
+    def fits_whole(self) -> bool:
+        """Whether all of the cloud lies on the surface, so that other such poses are as right."""
+        return self.surface_agreement >= WHOLE_AGREEMENT and self.coverage >= WHOLE_COVERAGE
+
+    @property
     def convinces(self) -> bool:
         """Whether the pose would be accepted by itself, whatever others there are."""
         return replace(self, contrast=None).accepted
@@ -176,7 +196,8 @@ class Evidence:
 
         The agreement alone does not see that another pose lays more points on the target.
         """
+        convinces = self.convinces or self.explains_all
         if self.shape_correlation is not None or self.free_space_violation is not None:
             # of poses that score alike the one that explains more of the cloud
-            return self.convinces or self.explains_all, self.score + self.on_surface_fraction
-        return self.accepted, self.on_surface_fraction * self.surface_agreement
+            return convinces, self.score + self.on_surface_fraction
+        return convinces, self.on_surface_fraction * self.surface_agreement

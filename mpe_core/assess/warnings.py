@@ -100,12 +100,17 @@ def _about_convergence(result: Registration) -> Iterator[CodedWarning]:
 def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[CodedWarning]:
     if evidence.accepted:
         return
+    reason = (
+        "but so they nearly do at different poses; give the scanners' places or a rough"
+        " initial_transform, or scan something that stands out"
+        if evidence.convinces
+        else "the clouds may overlap too little, or show different things"
+    )
     yield CodedWarning(
         "low_confidence",
         f"low confidence, do not trust this pose: {evidence.coverage:.0%} of the points lie near"
         f" the target, and {evidence.surface_agreement:.0%} of the overlapping ones"
-        " (chance-corrected) lie on its surface; the clouds may overlap too little, or show"
-        " different things",
+        f" (chance-corrected) lie on its surface; {reason}",
     )
     yield from _about_contradictions(evidence)
 
