@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -358,8 +358,9 @@ def table(result: Result) -> str:
         )
     parts.append(
         "## Where the shape is hidden\n\nBy noise, in one plane, or by few points; judged by the"
-        " models in use for these, which were fitted to half of the shared pairs with noise"
-        " ([calibration](calibration.md)). One plane on another counts as wrong here; the"
+        " models in use for these, whose score was fitted to half of the shared pairs with noise"
+        " ([calibration](calibration.md)), and whose contrast to other pairs and worlds"
+        " ([hidden shape](hidden_shape.md)). One plane on another counts as wrong here; the"
         " result refuses it, since it slides in two directions.\n\n"
         + markdown(COLUMNS, _where_shape_is_hidden(result["rows"]))
     )
@@ -372,13 +373,15 @@ def _where_shape_is_hidden(rows: Sequence[Result]) -> list[list[object]]:
     for seen, name in ((False, "without viewpoints"), (True, "with viewpoints")):
         judged = []
         for mine in _cases_of(rows, seen=seen, has_shape=False):
-            scores = [_evidence(row).score for row in mine]
-            row = int(np.argmax(scores))
+            scores = np.array([_evidence(row).score for row in mine])
+            on_surface = np.array([row["on_surface_fraction"] for row in mine])
+            T, row = np.array([row["T"] for row in mine]), int(np.argmax(scores))
+            contrast = contrast_with(~are_close(T, T[row]), row, scores, on_surface)
             judged.append(
                 {
                     "possible": mine[0]["possible"],
                     "right": bool(mine[row]["right"]),
-                    "odds": scores[row],
+                    "odds": replace(_evidence(mine[row]), contrast=contrast).log_odds,
                 }
             )
         lines.append(verdicts(name, judged))

@@ -114,7 +114,8 @@ class Registration:
     """Whether the confidence is at least 0.5, from which on a pose is taken for right. It is less
     where both clouds show one plane alone."""
     ambiguous: bool
-    """Whether another pose fits as well: the shape is symmetric, or slides on itself."""
+    """Whether another pose fits as well: the shape is symmetric, or slides on itself. It may be why
+    the pose is not accepted."""
     alternatives: NDArray[np.float64]
     """(K, 4, 4) those other poses, in the form of T_target_source; some of them, where a shape has
     infinitely many."""

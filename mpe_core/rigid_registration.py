@@ -80,13 +80,10 @@ class Attempt(Trial):
 
     found: Registration
     """Result, whose transform is rigid."""
+    is_on_plane: bool
+    """Whether the clouds fit, but are refused since what both show is one plane."""
     is_by_color: bool = False
     """Whether intensity or colour settled the pose."""
-
-    @property
-    def is_on_plane(self) -> bool:
-        """Whether the clouds fit, but are refused since what both show is one plane."""
-        return self.best.evidence.accepted and not self.found.accepted
 
 
 def register_rigidly(
@@ -248,8 +245,9 @@ def describe_pose(
         Takes stages and times.
     """
     best, *others = poses
-    minimum, confidence = best.minimum, best.evidence.confidence
-    is_on_plane = uncertainty.slides >= SLIDES_OF_PLANE
+    minimum, evidence, confidence = best.minimum, best.evidence, best.evidence.confidence
+    fits = evidence.accepted or evidence.convinces
+    is_on_plane = fits and uncertainty.slides >= SLIDES_OF_PLANE
     # about the moved source's centroid, which is the origin of the normalized source
     uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
     with progress.stage("inliers"):
@@ -267,7 +265,7 @@ def describe_pose(
         converged=minimum.converged,
         iterations=minimum.iterations,
         confidence=min(confidence, DOUBTED_CONFIDENCE) if is_on_plane else confidence,
-        accepted=best.evidence.accepted and not is_on_plane,
+        accepted=evidence.accepted and not is_on_plane,
         ambiguous=len(others) > 0,
         alternatives=_in_caller_frames(pair, others),
         covariance=uncertainty.covariance,
@@ -276,8 +274,8 @@ def describe_pose(
         scale=1.0,
         timing=progress.finish(),
     )
-    warnings = describe_warnings(pair, best.evidence, result, pipeline.sights)
-    return Attempt(best, pipeline, pair, replace(result, warnings=warnings))
+    warnings = describe_warnings(pair, evidence, result, pipeline.sights, is_on_plane=is_on_plane)
+    return Attempt(best, pipeline, pair, replace(result, warnings=warnings), is_on_plane)
 
 
 def prepare_pair(

@@ -77,6 +77,10 @@ MAX_CONTRAST = 6.0
 CONTRAST_OF_LEAD = 15.0
 """Contrast that a lead of 1 stands for (docs/tuning.md)."""
 
+MAX_LIFT_OF_HIDDEN = 3.0
+"""What contrast adds at most to the log odds of a pose whose shape is hidden: what by itself is
+against it stays against it (docs/tuning.md)."""
+
 WHOLE_AGREEMENT, WHOLE_COVERAGE, CONTRAST_OF_WHOLE = 0.95, 0.99, 3.0
 """Agreement and coverage from which on a cloud whose shape is hidden fits as a whole, and its least
 contrast: a ball or a cube has several right poses (docs/tuning.md)."""
@@ -136,13 +140,18 @@ class Evidence:
     def log_odds(self) -> float:
         """Logarithm of the odds that the pose is right."""
         excess = max(1.0, self.size_ratio / MAX_CALIBRATED_SIZE_RATIO)
-        odds, best = self.score, self._model.best
-        if self.contrast is not None:
-            contrast = MAX_CONTRAST if self.explains_all else min(self.contrast, MAX_CONTRAST)
-            if self.shape_correlation is None and self.fits_whole:
-                contrast = max(contrast, CONTRAST_OF_WHOLE)
-            odds = best[0] * odds + best[1] * contrast + best[2]
+        odds = self.score if self.contrast is None else self._log_odds_of_best(self.contrast)
         return odds - (2 + self.degenerate_dof) * float(np.log(excess))
+
+    def _log_odds_of_best(self, contrast: float) -> float:
+        """Log odds of the best of several poses, between clouds of like size."""
+        contrast = MAX_CONTRAST if self.explains_all else min(contrast, MAX_CONTRAST)
+        is_hidden = self.shape_correlation is None
+        if is_hidden and self.fits_whole:
+            contrast = max(contrast, CONTRAST_OF_WHOLE)
+        of_score, of_contrast, intercept = self._model.best
+        odds = of_score * self.score + of_contrast * contrast + intercept
+        return min(odds, self.score + MAX_LIFT_OF_HIDDEN) if is_hidden else odds
 
     @property
     def score(self) -> float:

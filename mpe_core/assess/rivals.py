@@ -92,9 +92,9 @@ def select_equal(ordered: list[ScoredPose]) -> list[ScoredPose]:
 def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     """Whether the other pose would be accepted in the absence of the best one, or nearly so.
 
-    The best one has to convince by itself; that it has such rivals may be why it is not accepted.
+    The best one has to convince, if only by itself: such rivals may be why it is not accepted.
     """
-    if not best.convinces or best.explains_all:
+    if not (best.accepted or best.convinces) or best.explains_all:
         return False
     if (
         other.convinces

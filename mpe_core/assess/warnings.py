@@ -38,6 +38,8 @@ def describe_warnings(
     evidence: Evidence,
     result: Registration,
     sights: tuple[FullSight, FullSight] | None = None,
+    *,
+    is_on_plane: bool = False,
 ) -> tuple[CodedWarning, ...]:
     """Say what a caller should know before using the result.
 
@@ -51,13 +53,15 @@ def describe_warnings(
         Result, its own warnings aside.
     sights
         Places of full sight in source and target that stand for viewpoints, if any do.
+    is_on_plane
+        Whether the clouds fit, but are refused since what both show is one plane.
     """
     return (
         *_about_clouds(pair),
         *_about_sights(sights),
         *_about_convergence(result),
-        *_about_trust(pair, evidence),
-        *_about_ambiguity(pair, result, is_on_plane=evidence.accepted and not result.accepted),
+        *(() if is_on_plane else _about_trust(evidence)),
+        *_about_ambiguity(pair, result, is_on_plane=is_on_plane),
         *_about_inliers(result),
     )
 
@@ -97,7 +101,7 @@ def _about_convergence(result: Registration) -> Iterator[CodedWarning]:
         )
 
 
-def _about_trust(pair: CloudPair, evidence: Evidence) -> Iterator[CodedWarning]:
+def _about_trust(evidence: Evidence) -> Iterator[CodedWarning]:
     if evidence.accepted:
         return
     reason = (

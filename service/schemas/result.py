@@ -67,7 +67,8 @@ class Result(ResponseModel):
     confidence: float = Field(ge=0, le=1, description="How likely the pose is right, in [0, 1].")
     accepted: bool = Field(description="Whether the confidence reaches 0.5.")
     ambiguous: bool = Field(
-        description="Whether another pose fits as well: the shape is symmetric or slides on itself."
+        description="Whether another pose fits as well: the shape is symmetric or slides on "
+        "itself. It may be why the pose is not accepted."
     )
     alternatives: list[Matrix4x4] = Field(
         description="Those other poses, as `transform`; some of them if there are infinitely many."

@@ -7,7 +7,7 @@ pytest.importorskip("open3d")
 from scipy.spatial import KDTree
 
 from benchmarks.worlds.families import FAMILIES
-from benchmarks.worlds.pairs import foreign_pairs, world_pair, world_pairs
+from benchmarks.worlds.pairs import foreign_pair, foreign_pairs, world_pair, world_pairs
 from benchmarks.worlds.scanners import terrestrial
 from benchmarks.worlds.scene import Scene
 from mpe_core import register
@@ -93,3 +93,12 @@ def test_rooms_that_were_wrong_are_right(family, number):
         degrees=pair.max_rotation_deg,
         shift=pair.max_translation,
     )
+
+
+@pytest.mark.parametrize("number", [18206, 19001, 19502])
+def test_different_cartons_are_refused(number):
+    """Their flat sides lie on each other at several poses, at 0.9 and more of the points."""
+    pair = foreign_pair("cartons", number)
+    found = register(pair.source, pair.target)
+    assert not found.accepted
+    assert {"low_confidence", "ambiguous"} <= {warning.code for warning in found.warnings}

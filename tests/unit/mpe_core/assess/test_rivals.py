@@ -6,7 +6,7 @@ import pytest
 from benchmarks.blade import scan
 from mpe_core import RegistrationOptions, register
 from mpe_core.assess.confidence import MAX_CONTRAST, Evidence
-from mpe_core.assess.rivals import ScoredPose, with_contrast
+from mpe_core.assess.rivals import ScoredPose, select_equal, with_contrast
 from mpe_core.geometry.rigid import inverse, rotation_error
 from mpe_core.refine.minimum import Minimum
 
@@ -51,6 +51,42 @@ def test_the_same_pose_found_again_is_no_rival():
     again = with_contrast([scored(0, 0.8), scored(1e-4, 0.8)])[0].evidence
     assert again == alone
     assert alone.contrast == MAX_CONTRAST
+
+
+def flat(shift, agreement, coverage=0.8):
+    """A pose of flat sides, which tell no shape."""
+    T = np.eye(4)
+    T[0, 3] = shift
+    share = agreement * coverage
+    evidence = Evidence(coverage=coverage, on_surface_fraction=share, surface_agreement=agreement)
+    return ScoredPose(Minimum(T, True, 1), evidence)
+
+
+def test_flat_sides_that_fit_elsewhere_as_well_tell_nothing():
+    alone, beside = (
+        with_contrast(poses)[0].evidence
+        for poses in (
+            [flat(0, 0.93), flat(1, 0.6)],
+            [flat(0, 0.93), flat(1, 0.92)],
+        )
+    )
+    assert beside.score == alone.score
+    assert alone.confidence > 0.9
+    assert beside.convinces
+    assert not beside.accepted
+
+
+def test_what_fits_as_a_whole_in_several_ways_is_symmetric():
+    whole = with_contrast([flat(0, 0.99, coverage=1.0), flat(1, 0.99, coverage=1.0)])
+    best, *others = select_equal(whole)
+    assert best.evidence.accepted
+    assert len(others) == 1
+
+
+def test_a_pose_that_is_refused_for_its_rivals_names_them():
+    best, *others = select_equal(with_contrast([flat(0, 0.93), flat(1, 0.92), flat(2, 0.5)]))
+    assert not best.evidence.accepted
+    assert [pose.minimum.T[0, 3] for pose in others] == [1.0]
 
 
 def test_a_pose_at_which_nothing_meets_is_no_rival():
