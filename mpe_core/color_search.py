@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mpe_core.assess.coincidence import CoincidenceEvidence
-from mpe_core.assess.rivals import ScoredPose
+from mpe_core.assess.rivals import AMBIGUOUS_CONFIDENCE, ScoredPose
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.relief import Painted, find_pattern
 from mpe_core.clouds.validate import Cloud, validate_cloud
@@ -125,13 +125,13 @@ def _combine(
     )
     found = replace(
         described.found,
-        ambiguous=len(best.alternatives) + len(others) > 0,
+        ambiguous=best.ambiguous or len(others) > 0,
         alternatives=np.array(
             [*best.alternatives, *(each.T_target_source for each in others)]
         ).reshape(-1, 4, 4),
         covariance=_mix_covariances(described.found, best, pair.unit),
         free_directions=best.free_directions,
-        confidence=best.confidence,
+        confidence=min(best.confidence, AMBIGUOUS_CONFIDENCE) if others else best.confidence,
         accepted=best.accepted,
     )
     warnings = describe_warnings(pair, evidence, found, pipeline.sights)

@@ -109,7 +109,7 @@ class Registration:
     iterations: int
     """Iterations of the refinement on the full clouds ("mpl") or of Algorithm 1 ("mpe")."""
     confidence: float
-    """Probability that the pose is right, in [0, 1]."""
+    """Probability that the pose is right, in [0, 1]; at most 0.7 where others fit as well."""
     accepted: bool
     """Whether the confidence is at least 0.5, from which on a pose is taken for right. It is less
     where both clouds show one plane alone."""

@@ -18,7 +18,7 @@ from mpe_core.assess.confidence import DOUBTED_CONFIDENCE
 from mpe_core.assess.energy import p2_energy
 from mpe_core.assess.inliers import estimate_inlier_threshold, find_inliers
 from mpe_core.assess.outline import keep_level, turn_outline, weigh_outline
-from mpe_core.assess.rivals import ScoredPose, select_distinct
+from mpe_core.assess.rivals import AMBIGUOUS_CONFIDENCE, ScoredPose, select_distinct
 from mpe_core.assess.volume import doubt_fit_everywhere, find_exact_pose, may_fill_volume
 from mpe_core.assess.warnings import describe_warnings
 from mpe_core.clouds.flat import Plane, draw_outline, find_plane, lay_flat
@@ -245,9 +245,10 @@ def describe_pose(
         Takes stages and times.
     """
     best, *others = poses
-    minimum, evidence, confidence = best.minimum, best.evidence, best.evidence.confidence
+    minimum, evidence = best.minimum, best.evidence
     fits = evidence.accepted or evidence.convinces
     is_on_plane = fits and uncertainty.slides >= SLIDES_OF_PLANE
+    largest = DOUBTED_CONFIDENCE if is_on_plane else AMBIGUOUS_CONFIDENCE if others else 1.0
     # about the moved source's centroid, which is the origin of the normalized source
     uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)
     with progress.stage("inliers"):
@@ -264,7 +265,7 @@ def describe_pose(
         energy=p2_energy(distances, ENERGY_EPS),
         converged=minimum.converged,
         iterations=minimum.iterations,
-        confidence=min(confidence, DOUBTED_CONFIDENCE) if is_on_plane else confidence,
+        confidence=min(evidence.confidence, largest),
         accepted=evidence.accepted and not is_on_plane,
         ambiguous=len(others) > 0,
         alternatives=_in_caller_frames(pair, others),

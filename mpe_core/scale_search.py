@@ -115,15 +115,16 @@ def _register_units(
 
 def _doubt(first: Attempt, options: RegistrationOptions, progress: Progress) -> Registration:
     """Refuse an accepted pose where the clouds fit much better at another scale, or mirrored."""
-    if first.found.confidence > SURE_CONFIDENCE or options.method != "mpl":
+    confidence = first.best.evidence.confidence
+    if confidence > SURE_CONFIDENCE or options.method != "mpl":
         return first.found
     cause = _other_scale(first, progress)
-    asks_hand = first.found.confidence <= SURE_HAND_CONFIDENCE and options.initial_transform is None
+    asks_hand = confidence <= SURE_HAND_CONFIDENCE and options.initial_transform is None
     if cause is None and asks_hand:
         cause = _other_hand(first, options, progress)
     if cause is None:
         return first.found
-    confidence = min(first.found.confidence, DOUBTED_CONFIDENCE)
+    confidence = min(confidence, DOUBTED_CONFIDENCE)
     return _with_cause(replace(first.found, accepted=False, confidence=confidence), cause)
 
 

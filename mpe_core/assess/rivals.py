@@ -19,6 +19,10 @@ AMBIGUITY_SCORE, AMBIGUITY_ON_SURFACE = 1.5, 0.2
 """Score and on-surface fraction by which a pose that would be accepted by itself may fall short of
 the best one: of two such poses at least one is wrong (docs/tuning.md)."""
 
+AMBIGUOUS_CONFIDENCE = 0.7
+"""Largest confidence of a pose beside others that fit as well: some two thirds of them are right,
+whatever else speaks for them (docs/tuning.md)."""
+
 
 @dataclass(frozen=True, slots=True)
 class ScoredPose:
@@ -105,4 +109,5 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
     return (
         other.surface_agreement > best.surface_agreement - AMBIGUITY_MARGIN_AGREEMENT
         and other.on_surface_fraction > AMBIGUITY_SHARE_ON_SURFACE * best.on_surface_fraction
+        and other.score > best.score - MAX_CONTRAST  # free space or layers tell the others apart
     )

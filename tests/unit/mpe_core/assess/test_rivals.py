@@ -1,5 +1,7 @@
 """What a pose has over the different ones found beside it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from mpe_core.assess.confidence import MAX_CONTRAST, Evidence
 from mpe_core.assess.rivals import ScoredPose, select_equal, with_contrast
 from mpe_core.geometry.rigid import inverse, rotation_error
 from mpe_core.refine.minimum import Minimum
+from tests.factories.clouds import real_pair
 
 
 def scored(shift, on_surface, coverage=0.9, shape=0.5):
@@ -87,6 +90,28 @@ def test_a_pose_that_is_refused_for_its_rivals_names_them():
     best, *others = select_equal(with_contrast([flat(0, 0.93), flat(1, 0.92), flat(2, 0.5)]))
     assert not best.evidence.accepted
     assert [pose.minimum.T[0, 3] for pose in others] == [1.0]
+
+
+def seen(shift, on_surface, violation):
+    """A pose with so much free space violated."""
+    pose = scored(shift, on_surface)
+    return replace(pose, evidence=replace(pose.evidence, free_space_violation=violation))
+
+
+def test_what_free_space_refutes_is_no_pose_that_fits_as_well():
+    """A cloud that slides on ground and walls lies on as much surface, but not where it may."""
+    for violation, count in ((0.02, 2), (0.4, 1)):
+        poses = with_contrast([seen(0, 0.6, 0.0), seen(1, 0.7, violation)])
+        assert len(select_equal(poses)) == count
+
+
+def test_beside_others_that_fit_as_well_nothing_is_sure(data):
+    trial = real_pair(data, "bunny_bun045_bun000")
+    twice = np.vstack([trial.target, trial.target + np.array([0.3, 0, 0])])
+    alone, beside = (register(trial.source, target) for target in (trial.target, twice))
+    assert alone.confidence > 0.9
+    assert beside.ambiguous
+    assert beside.confidence <= 0.7
 
 
 def test_a_pose_at_which_nothing_meets_is_no_rival():
