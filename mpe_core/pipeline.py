@@ -220,10 +220,11 @@ class PosePipeline:
     ) -> list[ScoredPose]:
         """Add the poses of a levelled search; where no ground stands out, of rooms alone, last."""
         may_be_room = effort is THOROUGH_LEVELLED and self.judge.shows_rooms
-        if not (self.judge.ground_stands_out or may_be_room) or self.judge.levelled is None:
+        levelled = self.judge.levelled if may_be_room else self.judge.levelled_evidence
+        if levelled is None:
             return poses
         with progress.stage("search") as report:
-            candidates = self.search.find_levelled(self.judge.levelled, effort, report)
+            candidates = self.search.find_levelled(levelled, effort, report)
         return self._with_rivals(poses, candidates, progress)
 
     def _search_turned(self, poses: list[ScoredPose], progress: Progress) -> list[ScoredPose]:

@@ -75,13 +75,15 @@ class Judge:
         return level_clouds(self.source, self.target)
 
     @cached_property
-    def ground_stands_out(self) -> bool:
-        """Whether the grounds, if there are any, stand out among the planes of both clouds.
+    def levelled_evidence(self) -> LevelledPair | None:
+        """`levelled`, where the grounds stand out among the planes of both clouds.
 
         Else each may as well lie on another side, and the view from above is no evidence.
         """
         surfaces = self.source.surface, self.target.surface
-        return all(stands_out(surface.points, surface.normals) for surface in surfaces)
+        if not all(stands_out(surface.points, surface.normals) for surface in surfaces):
+            return None
+        return self.levelled
 
     @cached_property
     def shows_rooms(self) -> bool:
@@ -102,9 +104,8 @@ class Judge:
 
     @cached_property
     def _layers(self) -> LayerMatch | None:
-        if not self.ground_stands_out or self.levelled is None:
-            return None
-        return LayerMatch(self.levelled)
+        levelled = self.levelled_evidence
+        return None if levelled is None else LayerMatch(levelled)
 
     def from_full_sight(self) -> Judge | None:
         """Return a judge with places of full sight for viewpoints.
@@ -114,9 +115,10 @@ class Judge:
         clouds = self.source, self.target
         if any(cloud.viewpoints is not None for cloud in clouds):
             return None
-        if not self.ground_stands_out or self.levelled is None:
+        levelled = self.levelled_evidence
+        if levelled is None:
             return None
-        grounds = self.levelled.source[0].ground, self.levelled.target.ground
+        grounds = levelled.source[0].ground, levelled.target.ground
         x = find_full_sight(self.source.surface, grounds[0])
         y = None if x is None else find_full_sight(self.target.surface, grounds[1])
         if x is None or y is None:
@@ -125,5 +127,5 @@ class Judge:
             replace(cloud, viewpoints=sight.place[None])
             for cloud, sight in zip(clouds, (x, y), strict=True)
         )
-        levelled = self.levelled.seen_from(source.viewpoints, target.viewpoints)
-        return replace(self, source=source, target=target, known_levelled=levelled, sights=(x, y))
+        seen = levelled.seen_from(source.viewpoints, target.viewpoints)
+        return replace(self, source=source, target=target, known_levelled=seen, sights=(x, y))

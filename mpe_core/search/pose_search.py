@@ -120,6 +120,19 @@ WIDE = SearchLevel(
     stop_confidence=ACCEPTANCE_THRESHOLD,
     levelled=THOROUGH_LEVELLED,
 )
+FINE = SearchLevel(
+    rotations=4608,
+    source_points=384,
+    target_points=768,
+    cell_size=0.07,
+    candidates=3072,
+    stages=(
+        AnnealingStage(points=400, start_eps=0.09, end_eps=0.04, steps=6, keep=400),
+        AnnealingStage(points=1000, start_eps=0.06, end_eps=0.03, steps=8, keep=128),
+        AnnealingStage(points=2000, start_eps=0.06, end_eps=0.02, steps=10, keep=64),
+    ),
+    stop_confidence=ACCEPTANCE_THRESHOLD,
+)
 TURNED = replace(
     THOROUGH,
     rotations=23,
@@ -127,7 +140,7 @@ TURNED = replace(
     stages=(replace(THOROUGH.stages[0], keep=12), replace(THOROUGH.stages[1], keep=6)),
 )
 """Search among the turns of a box, which are given."""
-SEARCH_LEVELS = (QUICK, THOROUGH, WIDE)
+SEARCH_LEVELS = (QUICK, THOROUGH, WIDE, FINE)
 """Levels in order: each follows where the one before finds no pose of its `stop_confidence`
 (docs/tuning.md)."""
 

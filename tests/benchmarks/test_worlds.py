@@ -80,9 +80,10 @@ def test_a_box_hides_what_is_behind_it():
     [
         ("room_stations", 19005),  # a floor that does not stand out, searched levelled
         ("room_frames", 19005),  # the best pose is on its way when its steps run out
+        ("statue", 20500),  # a seventh is shared, which coarse cells do not tell
     ],
 )
-def test_rooms_that_were_wrong_are_right(family, number):
+def test_worlds_that_were_wrong_are_right(family, number):
     pair = world_pair(family, number)
     found = register(pair.source, pair.target)
     assert found.accepted
