@@ -146,10 +146,13 @@ class Evidence:
     def _log_odds_of_best(self, contrast: float) -> float:
         """Log odds of the best of several poses, between clouds of like size."""
         contrast = MAX_CONTRAST if self.explains_all else min(contrast, MAX_CONTRAST)
+        of_score, of_contrast, intercept = self._model.best
         is_hidden = self.shape_correlation is None
+        if is_hidden and self.size_ratio > MAX_CALIBRATED_SIZE_RATIO:
+            # the model saw clouds of like size: the fit of a part has to outweigh chance by itself
+            return self.score + of_contrast * (contrast - MAX_CONTRAST)
         if is_hidden and self.fits_whole:
             contrast = max(contrast, CONTRAST_OF_WHOLE)
-        of_score, of_contrast, intercept = self._model.best
         odds = of_score * self.score + of_contrast * contrast + intercept
         return min(odds, self.score + MAX_LIFT_OF_HIDDEN) if is_hidden else odds
 
