@@ -112,17 +112,13 @@ def _cases() -> Iterator[Case]:
 
 
 def _case_of(pair: WorldPair) -> Case:
-    tolerance = {
-        "max_rotation_deg": pair.max_rotation_deg,
-        "max_translation": pair.max_translation,
-    }
     return Case(
         pair.name,
         pair.family,
         pair.source,
         pair.target,
         pair.T_target_source,
-        tolerance,
+        pair.tolerance(),
         pair.viewpoint_options(),
     )
 

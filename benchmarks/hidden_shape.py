@@ -13,7 +13,15 @@ import numpy as np
 
 from benchmarks.calibration import CLEAN, NOISES, SLACK, noisy
 from benchmarks.experiment import DATA, Experiment, Result, markdown
-from benchmarks.families import COLUMNS, logistic, reliability, verdicts
+from benchmarks.families import (
+    COLUMNS,
+    IMPOSSIBLE_FAMILIES,
+    RIDGE_OF_BEST,
+    WRONG_COUNTS,
+    logistic,
+    reliability,
+    verdicts,
+)
 from benchmarks.impossible import impossible_pairs
 from benchmarks.recall import is_right
 from benchmarks.worlds.families import FAMILIES
@@ -32,9 +40,7 @@ FIRST_WORLD, WORLDS, FLAT_WORLDS = 200, 3, 12
 FLAT = ("cartons", "room_frames")
 """Families whose sides are flat enough to hide the shape without noise."""
 
-IMPOSSIBLE, IMPOSSIBLE_FAMILIES = 120, 3
-WRONG_COUNTS = 2.0
-RIDGE = 0.01
+IMPOSSIBLE = 120
 
 
 def run() -> Result:
@@ -82,10 +88,7 @@ def _worlds() -> Iterator[Result]:
 def _found_in(
     world: WorldPair, noise: tuple[float, float], rng: np.random.Generator
 ) -> Iterator[Result]:
-    tolerance = {
-        "max_rotation_deg": world.max_rotation_deg,
-        "max_translation": world.max_translation,
-    }
+    tolerance = world.tolerance()
     x, y = noisy(world.source, world.target, noise, rng)
     truth, blind = world.T_target_source, RegistrationOptions(infer_viewpoints="never")
     for options in (blind, world.viewpoint_options()):
@@ -134,7 +137,7 @@ def fit(rows: Sequence[Result]) -> list[float]:
     X = np.array([[row["score"], row["contrast"]] for row in rows])
     right = np.array([row["right"] for row in rows])
     weight = np.where(right, 1.0, WRONG_COUNTS)
-    return [round(float(value), 2) for value in logistic(X, right, weight, RIDGE)]
+    return [round(float(value), 2) for value in logistic(X, right, weight, RIDGE_OF_BEST)]
 
 
 def _left_out(rows: Sequence[Result]) -> list[Result]:

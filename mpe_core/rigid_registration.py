@@ -246,8 +246,7 @@ def describe_pose(
     """
     best, *others = poses
     minimum, evidence = best.minimum, best.evidence
-    fits = evidence.accepted or evidence.convinces
-    is_on_plane = fits and uncertainty.slides >= SLIDES_OF_PLANE
+    is_on_plane = evidence.fits and uncertainty.slides >= SLIDES_OF_PLANE
     largest = DOUBTED_CONFIDENCE if is_on_plane else AMBIGUOUS_CONFIDENCE if others else 1.0
     # about the moved source's centroid, which is the origin of the normalized source
     uncertainty = uncertainty.with_origin(minimum.T[:3, 3]).in_unit(pair.unit)

@@ -49,6 +49,10 @@ class WorldPair:
     max_rotation_deg: float = ROTATION_TOL_DEG
     max_translation: float = 0.0
 
+    def tolerance(self) -> dict[str, float]:
+        """Return the largest errors of a right pose, as pairs.json has them."""
+        return {"max_rotation_deg": self.max_rotation_deg, "max_translation": self.max_translation}
+
     def viewpoint_options(self) -> RegistrationOptions | None:
         """Return options with both viewpoints; None unless both are known."""
         if self.source_viewpoint is None or self.target_viewpoint is None:

@@ -198,6 +198,11 @@ class Evidence:
         return replace(self, contrast=None).accepted
 
     @property
+    def fits(self) -> bool:
+        """Whether the pose is accepted, or would be by itself."""
+        return self.accepted or self.convinces
+
+    @property
     def accepted(self) -> bool:
         """Whether the pose is taken for right."""
         return self.confidence >= ACCEPTANCE_THRESHOLD

@@ -98,7 +98,7 @@ def _fits_as_well(other: Evidence, best: Evidence) -> bool:
 
     The best one has to convince, if only by itself: such rivals may be why it is not accepted.
     """
-    if not (best.accepted or best.convinces) or best.explains_all:
+    if not best.fits or best.explains_all:
         return False
     if (
         other.convinces
